@@ -2,6 +2,7 @@
 
 pub mod domain;
 mod generate;
+mod locate;
 mod order;
 mod outline;
 mod quality;
@@ -10,6 +11,7 @@ mod smooth;
 mod topology;
 
 pub use domain::{Diagonals, Hole, Part, Place, Rectangle, Refinement, Side, Sides, Structured};
+pub use locate::Locator;
 pub use quality::Quality;
 pub use topology::Neighbours;
 
@@ -60,11 +62,7 @@ impl<const D: usize> Mesh<D> {
                 let (a, b) = (edge(1), edge(2));
                 0.5 * (a[0] * b[1] - a[1] * b[0])
             }
-            3 => {
-                let (a, b, c) = (edge(1), edge(2), edge(3));
-                let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
-                (a[0] * cross[0] + a[1] * cross[1] + a[2] * cross[2]) / 6.0
-            }
+            3 => triple(&edge(1), &edge(2), &edge(3)) / 6.0,
             _ => f64::NAN,
         }
     }
@@ -73,6 +71,33 @@ impl<const D: usize> Mesh<D> {
     pub fn centroid(&self, cell: usize) -> Vector<D> {
         let nodes = self.cell(cell);
         nodes.iter().map(|&n| self.points[n as usize]).sum::<Vector<D>>() / (D + 1) as f64
+    }
+
+    /// Barycentric coordinates 1..=D of a point in a cell; coordinate 0 is 1 less their sum.
+    /// Each is the measure of the cell with its node moved to the point, over the measure of the cell.
+    pub fn barycentric(&self, cell: usize, p: &Vector<D>) -> Vector<D> {
+        let nodes = self.cell(cell);
+        let origin = self.points[nodes[0] as usize];
+        let edge = |k: usize| self.points[nodes[k] as usize] - origin;
+        let q = p - origin;
+        let mut out = Vector::<D>::repeat(f64::NAN);
+        match D {
+            2 => {
+                let (a, b) = (edge(1), edge(2));
+                let whole = a[0] * b[1] - a[1] * b[0];
+                out[0] = (q[0] * b[1] - q[1] * b[0]) / whole;
+                out[1] = (a[0] * q[1] - a[1] * q[0]) / whole;
+            }
+            3 => {
+                let (a, b, c) = (edge(1), edge(2), edge(3));
+                let whole = triple(&a, &b, &c);
+                out[0] = triple(&q, &b, &c) / whole;
+                out[1] = triple(&a, &q, &c) / whole;
+                out[2] = triple(&a, &b, &q) / whole;
+            }
+            _ => {}
+        }
+        out
     }
 
     /// Area (2D, m2) or volume (3D, m3) of the mesh.
@@ -105,6 +130,12 @@ impl<const D: usize> Mesh<D> {
             Error::Mesh(format!("the mesh has no boundary \"{name}\"; it has {}", names.join(", ")))
         })
     }
+}
+
+/// Determinant of three vectors of space.
+fn triple<const D: usize>(a: &Vector<D>, b: &Vector<D>, c: &Vector<D>) -> f64 {
+    let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+    a[0] * cross[0] + a[1] * cross[1] + a[2] * cross[2]
 }
 
 impl Boundary {

@@ -105,3 +105,68 @@ fn structured_grids() {
         assert_relative_eq!(mesh.nodal_volume().iter().sum::<f64>(), 2.0, max_relative = 1e-13);
     }
 }
+
+#[test]
+fn locating() {
+    let mut domain = plain([1.0, 0.5], 0.05);
+    domain.holes = vec![hole("hole", [0.3, 0.25], 0.1, 0.02)];
+    let mesh = Mesh::rectangle(&domain).unwrap();
+    let locator = Locator::new(&mesh).unwrap();
+    for cell in 0..mesh.cell_count() {
+        let p = mesh.centroid(cell);
+        for hint in [None, Some(0), Some(cell as u32), Some(mesh.cell_count() as u32 - 1), Some(u32::MAX)] {
+            assert_eq!(locator.locate(&mesh, &p, hint), Some(cell as u32));
+        }
+        for (k, &across) in locator.neighbours().of(cell).iter().enumerate() {
+            if across != Neighbours::<2>::NONE {
+                assert!(locator.neighbours().of(across as usize).contains(&(cell as u32)));
+                assert!(!mesh.cell(across as usize).contains(&mesh.cell(cell)[k]));
+            }
+        }
+    }
+    for (node, p) in mesh.points.iter().enumerate() {
+        let cell = locator.locate(&mesh, p, None).unwrap();
+        assert!(mesh.cell(cell as usize).contains(&(node as u32)));
+    }
+    for p in [[-1e-6, 0.2], [1.5, 0.2], [0.3, 0.25], [0.5, -7.0], [f64::NAN, 0.1], [1e300, 1e300]] {
+        for hint in [None, Some(0), Some(40)] {
+            assert_eq!(locator.locate(&mesh, &Vector::<2>::from(p), hint), None);
+        }
+    }
+}
+
+#[test]
+fn a_tetrahedral_mesh() {
+    // The cube in six tetrahedra around its diagonal.
+    let points: Vec<Vector<3>> =
+        (0..8).map(|i| Vector::<3>::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64)).collect();
+    let cells = vec![0, 1, 3, 7, 0, 3, 2, 7, 0, 2, 6, 7, 0, 6, 4, 7, 0, 4, 5, 7, 0, 5, 1, 7];
+    let mesh = Mesh::<3>::with_boundaries(points, cells, &["walls".into()], |_| Ok(0)).unwrap();
+    mesh.check().unwrap();
+    assert_relative_eq!(mesh.volume(), 1.0, max_relative = 1e-15);
+    assert_relative_eq!(mesh.boundary("walls").unwrap().measure(&mesh), 6.0, max_relative = 1e-15);
+    let locator = Locator::new(&mesh).unwrap();
+    for cell in 0..6 {
+        assert_eq!(locator.locate(&mesh, &mesh.centroid(cell), Some(0)), Some(cell as u32));
+    }
+    assert_eq!(locator.locate(&mesh, &Vector::<3>::new(0.5, 0.5, 1.1), Some(0)), None);
+}
+
+#[test]
+fn broken_meshes() {
+    let mesh = Mesh::rectangle(&plain([1.0, 1.0], 0.3)).unwrap();
+    let fails = |change: &dyn Fn(&mut Mesh<2>), text: &str| {
+        let mut broken = mesh.clone();
+        change(&mut broken);
+        let error = broken.check().unwrap_err().to_string();
+        assert!(error.contains(text), "{error}");
+    };
+    fails(&|m| m.cells.swap(0, 1), "must be positive");
+    fails(&|m| m.points[3][0] = f64::NAN, "node 3 is not finite");
+    fails(&|m| m.points.push(Vector::<2>::zeros()), "belongs to no cell");
+    fails(&|m| m.cells[5] = 10_000, "names node 10000");
+    fails(&|m| m.boundaries[0].facets.swap(0, 1), "no outward facet");
+    fails(&|m| m.boundaries.clear(), "the boundary parts hold 0 facets");
+    fails(&|m| m.boundaries.push(m.boundaries[0].clone()), "occurs twice");
+    assert!(mesh.boundary("wals").unwrap_err().to_string().contains("it has \"walls\""));
+}
