@@ -1,6 +1,7 @@
 //! Volume-averaged Navier-Stokes with heat by stabilised P1-P1 finite elements.
 
 pub mod error;
+pub mod exchange;
 pub mod linear;
 pub mod mesh;
 
