@@ -1,9 +1,10 @@
 //! The tables of the fluid, its boundaries, and its coupling to the grains.
 
-use super::{Coordinates, Rectangle};
+use super::Coordinates;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use voidage_fluid::mesh::Rectangle;
 
 /// The fluid: volume-averaged Navier-Stokes on a mesh.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]

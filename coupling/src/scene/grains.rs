@@ -11,10 +11,10 @@ use std::path::PathBuf;
 pub struct Material {
     /// Density of the solid, kg/m3. Above 0.
     pub density: f64,
-    /// Coulomb friction coefficient between grains. Default 0.
+    /// Coulomb friction coefficient between grains; two materials meet with the smaller one. Default 0.
     #[serde(default)]
     pub friction: f64,
-    /// Coefficient of normal restitution, 0 to 1. Default 0.
+    /// Coefficient of normal restitution, 0 to 1; two materials meet with the smaller one. Default 0.
     #[serde(default)]
     pub restitution: f64,
     /// Young's modulus, Pa; asked for by every law of contact conduction.
@@ -183,7 +183,7 @@ pub struct Wall {
     pub from: Coordinates,
     /// Second end, m.
     pub to: Coordinates,
-    /// Name of one of the materials; asked for when contacts conduct heat and the wall has a temperature. Default: none.
+    /// Name of one of the materials: friction, restitution and conductivity. Default: none, a perfect conductor of heat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
     /// Coulomb friction coefficient between the wall and grains. Default: that of the material, or 0 without one.
@@ -233,7 +233,7 @@ pub struct Oscillation {
 #[serde(deny_unknown_fields)]
 pub struct Rotation {
     /// The point that stays, m.
-    pub center: Coordinates,
+    pub centre: Coordinates,
     /// Angular velocity, rad/s, positive anticlockwise.
     pub rate: f64,
 }
@@ -248,6 +248,8 @@ pub struct Contacts {
     pub max_sweeps: usize,
     /// Share of its radius that a grain may cross in one sub-step. Default 0.5.
     pub max_travel: f64,
+    /// Most sub-steps of a step. Default 100.
+    pub max_substeps: usize,
     /// Whether grains spin. Default true.
     pub rotation: bool,
     /// Law of heat conduction through contacts: `"henry"`, `"henry-printed"`, `"line"` (plane) or `"hertz"` (space).
@@ -265,6 +267,7 @@ impl Default for Contacts {
             tolerance: 1e-4,
             max_sweeps: 1000,
             max_travel: 0.5,
+            max_substeps: 100,
             rotation: true,
             conduction: None,
             cohesion: None,
@@ -292,4 +295,11 @@ pub enum Conduction {
 pub struct Cohesion {
     /// Adhesive force, N (N per m of depth in the plane).
     pub force: f64,
+    /// Steps that a contact must have lasted before it sticks. Default 2.
+    #[serde(default = "two_steps")]
+    pub steps: u16,
+}
+
+fn two_steps() -> u16 {
+    2
 }

@@ -11,7 +11,6 @@ mod grains;
 mod load;
 mod origin;
 mod output;
-mod rectangle;
 mod schema;
 mod table;
 #[cfg(test)]
@@ -27,7 +26,6 @@ pub use grains::{
 };
 pub use origin::{Origin, Place, SceneError};
 pub use output::{Average, Output, PressureDrop};
-pub use rectangle::{Hole, Rectangle, Refine, Side, SidePart, Sides};
 pub use schema::json_schema;
 pub use table::{GrainRow, read_grains};
 

@@ -1,7 +1,8 @@
 //! Checks of the fluid, its mesh and its boundaries.
 
-use super::{Checked, coordinates, corners, fail, known, not_negative, positive};
-use crate::scene::{Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, Rectangle, Scene, Side};
+use super::{Checked, coordinates, fail, known, not_negative, positive};
+use crate::scene::{Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, Scene};
+use voidage_fluid::mesh::{Rectangle, Sides};
 
 pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     positive(scene, "fluid.density", fluid.density)?;
@@ -21,7 +22,7 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     match &fluid.mesh {
         MeshSource::Rectangle(rectangle) => {
             check_rectangle(scene, rectangle)?;
-            scene.check_boundary_names(&rectangle.names())
+            scene.check_boundary_names(&names(rectangle))
         }
         MeshSource::File(file) if !file.is_file() => {
             let message = format!("`fluid.mesh.file`: there is no file {}", file.display());
@@ -86,68 +87,34 @@ fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary)
 
 fn check_rectangle(scene: &Scene, rectangle: &Rectangle) -> Checked {
     let path = "fluid.mesh.rectangle";
-    let (lower, upper) = (rectangle.lower, rectangle.upper);
-    corners(scene, path, &lower, &upper)?;
-    positive(scene, &format!("{path}.size"), rectangle.size)?;
-    let cells = 2.0 * (upper[0] - lower[0]) * (upper[1] - lower[1]) / rectangle.size.powi(2);
+    if let Err(error) = rectangle.validate() {
+        // The message begins with the key: `sides.left[0].to = 3 must lie between ..`.
+        let message = error.to_string();
+        let in_key = |c: char| c.is_ascii_alphanumeric() || "_.[]".contains(c);
+        let key = message.split(|c| !in_key(c)).next().unwrap_or("").trim_end_matches('.');
+        let help = "`voidage schema` lists all keys of a rectangle";
+        return fail(scene, &format!("{path}.{key}"), format!("`{path}`: {message}"), help);
+    }
+    let area = (0..2).map(|axis| rectangle.upper[axis] - rectangle.lower[axis]).product::<f64>();
+    let cells = rectangle.size.map_or(0.0, |size| 2.0 * area / size.powi(2));
     if cells > 1e8 {
-        let message = format!("`{path}.size = {}` makes about {cells:.0e} triangles", rectangle.size);
+        let message = format!("`{path}.size` makes about {cells:.0e} triangles");
         return fail(scene, &format!("{path}.size"), message, "give a larger size");
-    }
-    let sides = &rectangle.sides;
-    let axes = [
-        ("left", &sides.left, 1),
-        ("right", &sides.right, 1),
-        ("bottom", &sides.bottom, 0),
-        ("top", &sides.top, 0),
-    ];
-    for (name, side, axis) in axes {
-        check_side(scene, &format!("{path}.sides.{name}"), side, lower[axis], upper[axis])?;
-    }
-    for (i, hole) in rectangle.holes.iter().enumerate() {
-        let path = format!("{path}.holes[{i}]");
-        positive(scene, &format!("{path}.radius"), hole.radius)?;
-        let inside = (0..2).all(|axis| {
-            hole.center[axis] - hole.radius > lower[axis] && hole.center[axis] + hole.radius < upper[axis]
-        });
-        if !inside {
-            let message = format!("`{path}.center = {:?}`: the hole leaves the rectangle", hole.center);
-            return fail(scene, &format!("{path}.center"), message, "keep the whole hole inside");
-        }
     }
     Ok(())
 }
 
-fn check_side(scene: &Scene, path: &str, side: &Side, from: f64, end: f64) -> Checked {
-    let Side::Parts(parts) = side else { return Ok(()) };
-    if parts.is_empty() {
-        return fail(
-            scene,
-            path,
-            format!("`{path} = []` has no parts"),
-            "give a name, or parts `{name, to}`",
-        );
-    }
-    let mut reached = from;
-    for (i, part) in parts.iter().enumerate() {
-        let last = i + 1 == parts.len();
-        let to = match part.to {
-            Some(to) => to,
-            None if last => end,
-            None => {
-                let help = "only the last part may leave out `to`: it reaches the corner";
-                return fail(scene, &format!("{path}[{i}]"), format!("`{path}[{i}]` has no `to`"), help);
-            }
-        };
-        let beyond = to > end * (1.0 + 1e-12) || (last && (to - end).abs() > 1e-9 * (end - from));
-        if to <= reached || beyond {
-            let message = format!("`{path}[{i}].to = {to}` does not fit");
-            let help = format!("parts go on from {reached} and end at {end}");
-            return fail(scene, &format!("{path}[{i}].to"), message, help);
+/// The names of all parts of the boundary, in order, each once.
+fn names(rectangle: &Rectangle) -> Vec<&str> {
+    let Sides { left, right, bottom, top } = &rectangle.sides;
+    let sides = [left, right, bottom, top].into_iter().flat_map(|side| side.0.iter().map(|part| &part.name));
+    let mut names: Vec<&str> = Vec::new();
+    for name in sides.chain(rectangle.holes.iter().map(|hole| &hole.name)) {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
         }
-        reached = to;
     }
-    Ok(())
+    names
 }
 
 impl Scene {

@@ -119,7 +119,7 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
             coordinates(scene, &format!("{path}.motion.oscillate.amplitude"), &way.amplitude)?;
             positive(scene, &format!("{path}.motion.oscillate.frequency"), way.frequency)
         }
-        Some(Motion::Rotate(way)) => coordinates(scene, &format!("{path}.motion.rotate.center"), &way.center),
+        Some(Motion::Rotate(way)) => coordinates(scene, &format!("{path}.motion.rotate.centre"), &way.centre),
     }
 }
 
@@ -160,6 +160,7 @@ fn check_contacts(scene: &Scene) -> Checked {
     let Some(contacts) = &scene.contacts else { return Ok(()) };
     positive(scene, "contacts.tolerance", contacts.tolerance)?;
     positive(scene, "contacts.max_sweeps", contacts.max_sweeps as f64)?;
+    positive(scene, "contacts.max_substeps", contacts.max_substeps as f64)?;
     positive(scene, "contacts.max_travel", contacts.max_travel)?;
     if contacts.conduction == Some(crate::scene::Conduction::Hertz) && scene.dimension() == 2 {
         let message = "`contacts.conduction = \"hertz\"` is the law of spheres";
