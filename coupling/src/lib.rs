@@ -1,1 +1,3 @@
-//! placeholder
+//! Everything between grains and fluid.
+
+pub mod overlap;
