@@ -1,6 +1,7 @@
 //! Everything between grains and fluid: scenes, overlap, closures, schemes, recorders.
 
 pub mod error;
+pub mod overlap;
 pub mod recorder;
 pub mod scene;
 
