@@ -37,7 +37,7 @@ pub struct Material {
 pub struct Grains {
     /// Name of one of the materials.
     pub material: String,
-    /// Radius, m: `{constant = r}` or `{uniform = [smallest, largest]}`. Only a CSV file may bring its own.
+    /// Radius, m: `{constant = r}` or `{uniform = [smallest, largest]}`. Not with a CSV file, which has its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
     /// Share of the disc that is solid, above 0 up to 1. Default 1.
@@ -141,14 +141,26 @@ pub struct Lattice {
     pub lower: Coordinates,
     /// Upper corner of the box that holds the whole grains, m.
     pub upper: Coordinates,
-    /// Distance between neighbours along each axis, m; at least the largest diameter along the first.
-    pub spacing: Coordinates,
-    /// Whether every second row is shifted by half a spacing. Default false.
+    /// `"square"`, or `"triangular"` with every second row shifted by half a spacing. Default `"square"`.
     #[serde(default)]
-    pub staggered: bool,
+    pub arrangement: Arrangement,
+    /// Distance between neighbours over the largest diameter, at least 1. Default 1.
+    #[serde(default = "one")]
+    pub spacing: f64,
     /// Seed of the random radii. Default 1.
     #[serde(default = "first_seed")]
     pub seed: u64,
+}
+
+/// Regular arrangements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Arrangement {
+    /// Rows above each other.
+    #[default]
+    Square,
+    /// Rows shifted by half a spacing.
+    Triangular,
 }
 
 /// A box in which grains are placed at random, without overlap.
@@ -168,8 +180,8 @@ pub struct RandomBox {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GrainsFile {
-    /// CSV file with a header, path relative to the scene: columns `x_m,y_m[,z_m]`, and optionally `radius_m`,
-    /// `vx_m_per_s,vy_m_per_s[,vz_m_per_s]` and `temperature_K`, which go before the values of the group.
+    /// CSV file with a header, path relative to the scene: columns `x,y` and `r` (m), and optionally `vx,vy` (m/s) and
+    /// `T` (K), which go before the values of the group.
     pub file: PathBuf,
 }
 

@@ -12,7 +12,6 @@ mod load;
 mod origin;
 mod output;
 mod schema;
-mod table;
 #[cfg(test)]
 mod tests;
 
@@ -21,13 +20,12 @@ pub use fluid::{
     MeshSource, SchemeName, ThinCell, ThinCellHeat, VoidageFunction,
 };
 pub use grains::{
-    Amount, Cohesion, Conduction, Contacts, Deposit, Grains, GrainsFile, Lattice, Material, Motion,
-    Oscillation, Placement, Radius, RandomBox, Rotation, Wall,
+    Amount, Arrangement, Cohesion, Conduction, Contacts, Deposit, Grains, GrainsFile, Lattice, Material,
+    Motion, Oscillation, Placement, Radius, RandomBox, Rotation, Wall,
 };
 pub use origin::{Origin, Place, SceneError};
 pub use output::{Average, Output, PressureDrop};
 pub use schema::json_schema;
-pub use table::{GrainRow, read_grains};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,10 +1,9 @@
 //! Checks of materials, grains, walls and contacts.
 
 use super::{Checked, coordinates, corners, distinct, fail, known, not_negative, positive, within};
-use crate::scene::{
-    Amount, GrainRow, Grains, Lattice, Material, MeshSource, Motion, Placement, Radius, Scene, Wall,
-    read_grains,
-};
+use crate::scene::{Amount, Grains, Lattice, Material, MeshSource, Motion, Placement, Radius, Scene, Wall};
+use std::path::Path;
+use voidage_dem::{Vector, packing::read_table};
 
 pub(super) fn check(scene: &Scene) -> Checked {
     for (name, material) in &scene.materials {
@@ -62,15 +61,14 @@ fn check_group(scene: &Scene, path: &str, group: &Grains) -> Checked {
         }
         Amount::Count(_) | Amount::Fill => {}
     }
-    let poured = matches!(group.placement, Placement::Deposit(_) | Placement::Random(_));
-    if poured && group.amount == Amount::Fill {
-        let help =
-            "give `amount = {count = n}` or `amount = {mass = m}`; `\"fill\"` goes with lattices and files";
+    let in_file = matches!(group.placement, Placement::Csv(_));
+    if in_file && group.amount != Amount::Fill {
+        let message = format!("`{path}.amount` is there, but the grains come from a file");
         return fail(
             scene,
             &format!("{path}.amount"),
-            format!("`{path}.amount` does not say how many"),
-            help,
+            message,
+            "take it away: all grains of the file are used",
         );
     }
     if group.fixed && matches!(group.placement, Placement::Deposit(_)) {
@@ -82,7 +80,12 @@ fn check_group(scene: &Scene, path: &str, group: &Grains) -> Checked {
 }
 
 fn check_radius(scene: &Scene, path: &str, group: &Grains) -> Checked {
+    let in_file = matches!(group.placement, Placement::Csv(_));
     match &group.radius {
+        Some(_) if in_file => {
+            let message = format!("`{path}.radius` is there, but the grains come from a file");
+            fail(scene, &format!("{path}.radius"), message, "take it away: radii are in column r of the file")
+        }
         Some(Radius::Constant(radius)) => positive(scene, &format!("{path}.radius.constant"), *radius),
         Some(Radius::Uniform([low, high])) => {
             positive(scene, &format!("{path}.radius.uniform[0]"), *low)?;
@@ -92,7 +95,7 @@ fn check_radius(scene: &Scene, path: &str, group: &Grains) -> Checked {
             }
             Ok(())
         }
-        None if matches!(group.placement, Placement::Csv(_)) => Ok(()),
+        None if in_file => Ok(()),
         None => {
             let help = "give `radius = {constant = r}` or `radius = {uniform = [smallest, largest]}`, in m";
             fail(scene, path, format!("`{path}` has no `radius`"), help)
@@ -202,10 +205,7 @@ fn check_places(scene: &Scene) -> Checked {
                     let message = format!("`{key}`: there is no file {}", file.file.display());
                     return fail(scene, &key, message, "give a path relative to the folder of the scene");
                 }
-                let rows = read_grains(&file.file, scene.dimension());
-                let checked =
-                    rows.and_then(|rows| check_rows(scene, &file.file.display().to_string(), group, &rows));
-                if let Err(message) = checked {
+                if let Err(message) = check_file(scene, &file.file) {
                     return fail(scene, &key, message, "correct the file, or name another one");
                 }
             }
@@ -234,23 +234,20 @@ fn check_box(scene: &Scene, path: &str, lower: &[f64], upper: &[f64]) -> Checked
 
 fn check_lattice(scene: &Scene, path: &str, lattice: &Lattice, group: &Grains) -> Checked {
     let key = format!("{path}.spacing");
-    coordinates(scene, &key, &lattice.spacing)?;
-    for (axis, spacing) in lattice.spacing.0.iter().enumerate() {
-        positive(scene, &format!("{key}[{axis}]"), *spacing)?;
+    if lattice.spacing < 1.0 {
+        let message = format!("`{key} = {}` makes neighbours overlap", lattice.spacing);
+        return fail(scene, &key, message, "give 1 or more: it counts in largest diameters");
     }
     let diameter = 2.0 * group.radius.as_ref().map_or(0.0, Radius::largest);
-    let [dx, dy] = [lattice.spacing.0[0], lattice.spacing.0[1]];
-    let between_rows = if lattice.staggered { dy.hypot(dx / 2.0) } else { dy };
-    if dx.min(between_rows) < diameter * (1.0 - 1e-9) {
-        let message = format!("`{key} = [{dx}, {dy}]` makes neighbours overlap");
-        return fail(
-            scene,
-            &key,
-            message,
-            format!("keep neighbours the largest diameter, {diameter} m, apart"),
-        );
+    let narrow = (0..2).find(|&axis| lattice.upper.0[axis] - lattice.lower.0[axis] < diameter * (1.0 - 1e-9));
+    match narrow {
+        None => Ok(()),
+        Some(axis) => {
+            let message = format!("`{path}.upper = {:?}`: the box holds no whole grain", lattice.upper.0);
+            let help = format!("make it at least {diameter} m wide along axis {axis}");
+            fail(scene, &format!("{path}.upper"), message, help)
+        }
     }
-    Ok(())
 }
 
 /// The corners of the fluid, if it is a rectangle.
@@ -264,70 +261,58 @@ fn bounds(scene: &Scene) -> Option<([f64; 2], [f64; 2])> {
 /// Share of the smaller radius by which grains of a file may overlap: what rounding in the file does, and a little more.
 const OVERLAP: f64 = 0.02;
 
-fn check_rows(scene: &Scene, file: &str, group: &Grains, rows: &[GrainRow]) -> Result<(), String> {
-    let radii = rows.iter().map(|row| {
-        let radius = match (row.radius, &group.radius) {
-            (Some(radius), _) => radius,
-            (None, Some(Radius::Constant(radius))) => *radius,
-            (None, Some(radius)) => radius.smallest(),
-            (None, None) => {
-                return Err(format!("{file}: no column radius_m, and the group has no `radius` either"));
-            }
-        };
-        if radius > 0.0 {
-            Ok(radius)
-        } else {
-            Err(format!("{file}:{}: radius {radius} is not above 0", row.line))
-        }
-    });
-    let radii: Vec<f64> = radii.collect::<Result<_, _>>()?;
-    for (row, radius) in rows.iter().zip(&radii) {
-        let [x, y] = [row.position[0], row.position[1]];
+/// Grains of a file lie inside the fluid, off the walls, and apart. Lines of the file: the header is the first.
+fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
+    let material = voidage_dem::Material::default();
+    let grains = read_table::<2>(file, 0, &[material]).map_err(|error| error.to_string())?;
+    let file = file.display();
+    for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
         let outside = bounds(scene).is_some_and(|(lower, upper)| {
-            let slack = OVERLAP * radius;
-            x - radius < lower[0] - slack
-                || y - radius < lower[1] - slack
-                || x + radius > upper[0] + slack
-                || y + radius > upper[1] + slack
+            let reach = radius * (1.0 - OVERLAP);
+            (0..2).any(|axis| at[axis] - reach < lower[axis] || at[axis] + reach > upper[axis])
         });
-        if outside {
-            return Err(format!(
-                "{file}:{}: the grain at ({x}, {y}) with radius {radius} is outside of the fluid",
-                row.line
-            ));
-        }
-        let cut = scene.walls.iter().find(|wall| distance_to_wall(wall, x, y) < radius * (1.0 - OVERLAP));
-        if let Some(wall) = cut {
-            return Err(format!(
-                "{file}:{}: the grain at ({x}, {y}) with radius {radius} overlaps the wall `{}`",
-                row.line, wall.name
-            ));
-        }
+        let cut =
+            scene.walls.iter().find(|wall| distance_to_wall(wall, at.x, at.y) < radius * (1.0 - OVERLAP));
+        let what = match (outside, cut) {
+            (true, _) => "is outside of the fluid".to_owned(),
+            (false, Some(wall)) => format!("overlaps the wall \"{}\"", wall.name),
+            (false, None) => continue,
+        };
+        return Err(format!(
+            "{file}, line {}: the grain at ({}, {}) of radius {radius} {what}",
+            i + 2,
+            at.x,
+            at.y
+        ));
     }
-    apart(file, rows, &radii)
+    match overlapping(&grains.position, &grains.radius) {
+        None => Ok(()),
+        Some((a, b, overlap)) => Err(format!(
+            "{file}, line {}: the grain overlaps that of line {} by {overlap:.3e} m",
+            b + 2,
+            a + 2
+        )),
+    }
 }
 
-/// No two grains overlap: sweep along x.
-fn apart(file: &str, rows: &[GrainRow], radii: &[f64]) -> Result<(), String> {
-    let mut order: Vec<usize> = (0..rows.len()).collect();
-    order.sort_by(|a, b| rows[*a].position[0].total_cmp(&rows[*b].position[0]));
+/// Two grains that overlap, the first before the second, and by how much; a sweep along x.
+fn overlapping(positions: &[Vector<2>], radii: &[f64]) -> Option<(usize, usize, f64)> {
+    let mut order: Vec<usize> = (0..positions.len()).collect();
+    order.sort_by(|a, b| positions[*a].x.total_cmp(&positions[*b].x));
     let reach = radii.iter().copied().fold(0.0, f64::max);
     for (k, &a) in order.iter().enumerate() {
         for &b in &order[k + 1..] {
-            let [dx, dy] = [0, 1].map(|axis| rows[b].position[axis] - rows[a].position[axis]);
-            if dx > radii[a] + reach {
+            let between = positions[b] - positions[a];
+            if between.x > radii[a] + reach {
                 break;
             }
-            let overlap = radii[a] + radii[b] - dx.hypot(dy);
+            let overlap = radii[a] + radii[b] - between.norm();
             if overlap > OVERLAP * radii[a].min(radii[b]) {
-                let (first, second) = (rows[a].line.min(rows[b].line), rows[a].line.max(rows[b].line));
-                return Err(format!(
-                    "{file}:{second}: the grain overlaps that of line {first} by {overlap:.3e} m"
-                ));
+                return Some((a.min(b), a.max(b), overlap));
             }
         }
     }
-    Ok(())
+    None
 }
 
 fn distance_to_wall(wall: &Wall, x: f64, y: f64) -> f64 {
