@@ -32,17 +32,22 @@ impl Averages {
         Averages { lower, cell, count, samples: 0, solid: vec![0.0; squares], flux: vec![[0.0; 2]; squares] }
     }
 
+    /// Whether another one has the same grid.
+    pub(super) fn same_grid(&self, other: &Averages) -> bool {
+        (self.lower, self.cell, self.count) == (other.lower, other.cell, other.count)
+    }
+
     /// Number of samples taken.
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
     /// Takes a sample: centres, m, velocities, m/s, radii, m, and solid areas, m2, of the discs. What lies outside of the
-    /// box is left out.
-    pub fn sample(
+    /// box is left out. In space: seen along the second axis, volumes for areas.
+    pub fn sample<const D: usize>(
         &mut self,
-        positions: &[SVector<f64, 2>],
-        velocities: &[SVector<f64, 2>],
+        positions: &[SVector<f64, D>],
+        velocities: &[SVector<f64, D>],
         radii: &[f64],
         areas: &[f64],
     ) {
@@ -51,13 +56,14 @@ impl Averages {
         for (i, centre) in positions.iter().enumerate() {
             let share = areas[i] / SHARES as f64;
             for point in &pattern {
-                let Some(square) = self.square([0, 1].map(|axis| centre[axis] + radii[i] * point[axis]))
+                let Some(square) =
+                    self.square([centre[0] + radii[i] * point[0], centre[D - 1] + radii[i] * point[1]])
                 else {
                     continue;
                 };
                 self.solid[square] += share;
-                self.flux[square][0] += share * velocities[i].x;
-                self.flux[square][1] += share * velocities[i].y;
+                self.flux[square][0] += share * velocities[i][0];
+                self.flux[square][1] += share * velocities[i][D - 1];
             }
         }
     }

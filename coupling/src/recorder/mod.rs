@@ -8,10 +8,12 @@ mod averages;
 mod checkpoint;
 mod collection;
 mod files;
+mod recording;
 mod series;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod view;
 mod vtk;
 mod vtk_read;
 
@@ -19,7 +21,9 @@ pub use averages::Averages;
 pub use checkpoint::{Checkpoint, Stamp};
 pub use collection::Collection;
 pub use files::{create_folder, write_whole};
+pub use recording::{CHECKPOINT, Due, Reading, Recording};
 pub use series::Series;
 pub use summary::Summary;
+pub use view::{FluidView, GrainView, View};
 pub use vtk::{Column, Values, write_grains, write_mesh};
 pub use vtk_read::{Frame, FrameColumn, read_collection, read_frame};
