@@ -16,6 +16,12 @@ pub enum Error {
     /// The fluid could not be made or solved.
     #[error(transparent)]
     Fluid(#[from] voidage_fluid::Error),
+    /// The grains could not be made.
+    #[error(transparent)]
+    Grains(#[from] voidage_dem::Error),
+    /// Parts were put together in a way that makes no sense: a mistake of the program that did it.
+    #[error("{0}")]
+    Setup(String),
     /// A file could not be read or written.
     #[error("{path}: cannot {action}: {source}", path = path.display())]
     File {
