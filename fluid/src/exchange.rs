@@ -23,7 +23,25 @@ impl<const D: usize> Pieces<D> {
         self.first.len().saturating_sub(1)
     }
 
-    /// The pieces of one body.
+    /// Number of pieces.
+    pub fn len(&self) -> usize {
+        self.cell.len()
+    }
+
+    /// Whether there is no piece.
+    pub fn is_empty(&self) -> bool {
+        self.cell.is_empty()
+    }
+
+    /// Forgets all pieces and keeps the memory.
+    pub fn clear(&mut self) {
+        self.first.clear();
+        self.cell.clear();
+        self.coordinate.clear();
+        self.share.clear();
+    }
+
+    /// The pieces of one body, in the order of their cells.
     pub fn of(&self, body: usize) -> std::ops::Range<usize> {
         self.first[body] as usize..self.first[body + 1] as usize
     }
