@@ -57,7 +57,7 @@ impl<const D: usize> GrainLoad<D> {
 }
 
 /// What a fluid solver reports of a step.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct FluidReport<const D: usize> {
     /// Iterations, residual and time of the solver.
     pub solver: voidage_fluid::flow::Report,
@@ -121,7 +121,7 @@ impl<const D: usize, const B: usize> RustFluid<D, B> {
 }
 
 fn not_started() -> crate::Error {
-    crate::Error::Setup("the fluid solver was used before it got a mesh".into())
+    crate::Error::Run("the fluid solver was used before it got a mesh".into())
 }
 
 impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
@@ -157,7 +157,7 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
         let (_, flow) = self.flow.as_mut().ok_or_else(not_started)?;
         let Some(load) = load else {
             let solver = flow.solve(dt, &self.clear, None, conditions)?;
-            return Ok(FluidReport { solver, ..FluidReport::default() });
+            return Ok(FluidReport { solver, force: Vector::zeros(), heat: 0.0 });
         };
         let exchange = load.exchange();
         let solver = flow.solve(dt, &load.voidage, Some(&exchange), conditions)?;

@@ -7,9 +7,12 @@ pub mod backend;
 pub mod closure;
 pub mod error;
 pub mod overlap;
+pub mod recorder;
+pub mod scene;
 pub mod scheme;
 
 pub use error::{Error, Result};
+pub use scene::Scene;
 
 use backend::{FluidBackend, GrainLoad};
 use closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
@@ -20,7 +23,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed};
-use voidage_fluid::exchange::{AtBodies, nodal_mean};
+use voidage_fluid::exchange::{AtBodies, at_piece};
 use voidage_fluid::{Mesh, Vector};
 
 /// Wall time of the phases of a step, s.
@@ -132,7 +135,10 @@ pub struct Coupled<const D: usize> {
 
 impl<const D: usize> Interaction<D> {
     /// The exchange of `grains` with a fluid on `mesh`; `at` is the fluid at the grains in the beginning.
-    pub fn new(laws: Laws, mesh: &Mesh<D>, grains: &Dem<D>, at: AtBodies<D>) -> Self {
+    ///
+    /// # Errors
+    /// A mesh that cannot be searched.
+    pub fn new(laws: Laws, mesh: &Mesh<D>, grains: &Dem<D>, at: AtBodies<D>) -> Result<Self> {
         let count = grains.particles.position.len();
         let mut load = GrainLoad {
             volume: grains.particles.volume.clone(),
@@ -148,7 +154,8 @@ impl<const D: usize> Interaction<D> {
             heat = column();
         }
         let force = vec![Vector::zeros(); count];
-        Self { laws, load, at, voidage: vec![1.0; count], force, heat, overlap: Overlap::new(mesh) }
+        let overlap = Overlap::new(mesh)?;
+        Ok(Self { laws, load, at, voidage: vec![1.0; count], force, heat, overlap })
     }
 }
 
@@ -185,7 +192,7 @@ impl<const D: usize> Coupled<D> {
     /// the grains' hints and load columns may be those of the failed step.
     pub fn step(&mut self, dt: f64) -> Result<StepReport> {
         let Some(mut scheme) = self.scheme.take() else {
-            return Err(Error::Setup("a scheme called step of the system that it advances".into()));
+            return Err(Error::Run("a scheme called step of the system that it advances".into()));
         };
         let report = scheme.step(self, dt);
         self.scheme = Some(scheme);
@@ -205,8 +212,10 @@ impl<const D: usize> Coupled<D> {
         let particles = &grains.particles;
         let load = &mut interaction.load;
         interaction.overlap.cut(&fluid.mesh, &particles.position, &particles.radius, &mut load.pieces)?;
-        report.solid_volume_defect =
+        let volume =
             overlap::voidage(&fluid.mesh, &load.pieces, &load.volume, &fluid.nodal_volume, &mut load.voidage);
+        let exact: f64 = load.volume.iter().sum();
+        report.solid_volume_defect = relative((volume - exact).abs(), exact);
         report.phases.overlap += start.elapsed().as_secs_f64();
         Ok(())
     }
@@ -222,7 +231,7 @@ impl<const D: usize> Coupled<D> {
         let load = &mut interaction.load;
         let (pieces, voidage, mesh) = (&load.pieces, &load.voidage, &fluid.mesh);
         interaction.voidage.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, mean)| {
-            *mean = pieces.of(i).map(|q| pieces.share[q] * nodal_mean(mesh, pieces, q, voidage)).sum();
+            *mean = pieces.of(i).map(|q| pieces.share[q] * at_piece(mesh, pieces, q, voidage)).sum();
         });
         let voidage = &interaction.voidage;
         let around = |i: usize| Surroundings {
@@ -276,7 +285,7 @@ impl<const D: usize> Coupled<D> {
             Some(interaction) => (&interaction.force, &interaction.heat),
             None => (&[], &[]),
         };
-        report.grains = Some(grains.step(dt, &Load { force, drag: &[], heat }));
+        report.grains = Some(grains.step(dt, &Load { force, heat, ..Load::default() }));
         report.phases.contacts += start.elapsed().as_secs_f64();
     }
 

@@ -238,17 +238,18 @@ impl<const D: usize> AtBodies<D> {
         if let Some(temperature) = fields.temperature {
             self.temperature.resize(bodies, 0.0);
             self.temperature.par_iter_mut().enumerate().with_min_len(256).for_each(|(body, mean)| {
-                *mean = pieces.of(body).map(|piece| pieces.share[piece] * nodal_mean::<D, B>(mesh, pieces, piece, temperature)).sum();
+                *mean = pieces.of(body).map(|piece| pieces.share[piece] * at_piece(mesh, pieces, piece, temperature)).sum();
             });
         }
     }
 }
 
 /// Value of a nodal field at the centroid of a piece.
-pub fn nodal_mean<const D: usize, const B: usize>(mesh: &Mesh<D>, pieces: &Pieces<D>, piece: usize, field: &[f64]) -> f64 {
-    let phi = pieces.shape::<B>(piece);
-    let cell = pieces.cell[piece] as usize * B;
-    (0..B).map(|a| phi[a] * field[mesh.cells[cell + a] as usize]).sum()
+pub fn at_piece<const D: usize>(mesh: &Mesh<D>, pieces: &Pieces<D>, piece: usize, field: &[f64]) -> f64 {
+    let nodes = mesh.cell(pieces.cell[piece] as usize);
+    let x = &pieces.coordinate[piece];
+    let first = (1.0 - x.sum()) * field[nodes[0] as usize];
+    (0..D).fold(first, |sum, k| sum + x[k] * field[nodes[k + 1] as usize])
 }
 
 #[cfg(test)]
