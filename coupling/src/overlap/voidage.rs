@@ -10,14 +10,15 @@ pub const LEAST_VOIDAGE: f64 = 1e-8;
 /// [`LEAST_VOIDAGE`].
 ///
 /// `volume` is the solid volume of each body and `nodal_volume` the integral of each shape function
-/// ([`Mesh::nodal_volume`]), both in m2 (2D, per metre of depth) or m3.
+/// ([`Mesh::nodal_volume`]), both in m2 (2D, per metre of depth) or m3. Returns the solid volume that the
+/// nodes got, before clipping.
 pub fn voidage<const D: usize>(
     mesh: &Mesh<D>,
     pieces: &Pieces<D>,
     volume: &[f64],
     nodal_volume: &[f64],
     out: &mut Vec<f64>,
-) {
+) -> f64 {
     out.clear();
     out.resize(mesh.points.len(), 0.0);
     for (body, &volume) in volume.iter().enumerate() {
@@ -31,7 +32,9 @@ pub fn voidage<const D: usize>(
             }
         }
     }
+    let total = out.iter().sum();
     for (eps, nodal) in out.iter_mut().zip(nodal_volume) {
         *eps = (1.0 - *eps / nodal).max(LEAST_VOIDAGE);
     }
+    total
 }
