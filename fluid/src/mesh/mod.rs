@@ -2,6 +2,7 @@
 
 pub mod domain;
 mod generate;
+mod gmsh;
 mod locate;
 mod order;
 mod outline;
@@ -158,5 +159,7 @@ impl Boundary {
     }
 }
 
+#[cfg(test)]
+mod domain_tests;
 #[cfg(test)]
 mod tests;
