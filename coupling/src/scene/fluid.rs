@@ -1,6 +1,8 @@
 //! The tables of the fluid, its boundaries, and its coupling to the grains.
 
 use super::Coordinates;
+use crate::closure::{Drag, HeatTransfer, VoidageFunction};
+use crate::scheme::SchemeName;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -185,67 +187,24 @@ pub struct Coupling {
     /// Coupling scheme: `"henry"` (predicted velocity with the last contact force), `"henry-free"` (without it) or
     /// `"explicit"`. Default `"henry"`.
     pub scheme: SchemeName,
-    /// Drag law. Default `"dallavalle"`.
-    pub drag: DragLaw,
+    /// Drag law: `"dallavalle"` (times the voidage function) or `"gidaspow"`. Default `"dallavalle"`.
+    pub drag: Drag,
     /// Voidage function of drag and heat: `"henry"`, `"henry-interstitial"`, `"di-felice"`, `"migflow"` or `"none"`.
     /// Default `"henry"`.
     pub voidage_function: VoidageFunction,
-    /// Law of the heat that grains and fluid exchange. Default `"henry"` when both have a temperature, else none.
+    /// Law of the heat that grains and fluid exchange: `"henry"` (times the voidage function), `"gunn"`,
+    /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub heat: Option<HeatLaw>,
+    pub heat: Option<HeatTransfer>,
 }
 
 impl Default for Coupling {
     fn default() -> Self {
         Coupling {
             scheme: SchemeName::Henry,
-            drag: DragLaw::Dallavalle,
+            drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,
             heat: None,
         }
     }
-}
-
-/// Coupling schemes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum SchemeName {
-    /// The velocity that the grain will have is predicted with the contact force of the last step.
-    Henry,
-    /// The same without the contact force.
-    HenryFree,
-    /// The grain keeps its velocity while the fluid is solved.
-    Explicit,
-}
-
-/// Drag laws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum DragLaw {
-    /// Dallavalle's law of one sphere times a voidage function.
-    Dallavalle,
-}
-
-/// Voidage functions: how neighbours change drag and heat transfer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum VoidageFunction {
-    /// Eq. 11 of Henry et al. as printed, with the superficial Reynolds number.
-    Henry,
-    /// The same with the interstitial Reynolds number.
-    HenryInterstitial,
-    /// Di Felice (1994).
-    DiFelice,
-    /// What MigFlow 1.4.0 does.
-    Migflow,
-    /// Neighbours change nothing.
-    None,
-}
-
-/// Laws of the heat that grains and fluid exchange.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum HeatLaw {
-    /// Eqs. 12, 13 of Henry et al.
-    Henry,
 }
