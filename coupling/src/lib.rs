@@ -4,6 +4,7 @@
 //! is one affine closure ([`backend::GrainLoad`]) that every scheme fills and every fluid solver understands.
 
 pub mod backend;
+pub mod build;
 pub mod closure;
 pub mod error;
 pub mod overlap;
@@ -80,8 +81,8 @@ pub struct Fluid<const D: usize> {
     pub mesh: Arc<Mesh<D>>,
     /// Conditions at full strength.
     pub conditions: Vec<Condition<D>>,
-    /// Time over which prescribed velocities grow linearly from zero, s; 0 for at once.
-    pub ramp: f64,
+    /// For each condition the time over which its velocity grows linearly from zero, s; 0 for at once.
+    pub ramp: Vec<f64>,
     /// Integral of each shape function, m3 (m2 in the plane).
     pub nodal_volume: Vec<f64>,
 }
@@ -260,7 +261,7 @@ impl<const D: usize> Coupled<D> {
     pub fn solve_fluid(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
         let Some(fluid) = &mut self.fluid else { return Ok(()) };
         let start = Instant::now();
-        let conditions = ramped(&fluid.conditions, fluid.ramp, self.time + dt);
+        let conditions = ramped(&fluid.conditions, &fluid.ramp, self.time + dt);
         let mut none = AtBodies::default();
         let (load, at) = match &mut self.interaction {
             Some(interaction) => (Some(&interaction.load), &mut interaction.at),
@@ -327,21 +328,15 @@ fn relative(defect: f64, scale: f64) -> f64 {
     if scale > 0.0 { defect / scale } else { defect }
 }
 
-/// The conditions at a time: prescribed velocities grow over the ramp.
-fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: f64, time: f64) -> Vec<Condition<D>> {
-    let factor = if ramp > 0.0 { (time / ramp).min(1.0) } else { 1.0 };
-    let scale = |value: &Prescribed<D>| match value {
-        Prescribed::Uniform(u) => Prescribed::Uniform(u * factor),
-        Prescribed::Nodal(values) => Prescribed::Nodal(values.iter().map(|u| u * factor).collect()),
-    };
+/// The conditions at a time: prescribed velocities grow over their ramps.
+fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: &[f64], time: f64) -> Vec<Condition<D>> {
     let mut scaled = conditions.to_vec();
-    if factor < 1.0 {
-        for condition in &mut scaled {
-            condition.flow = match &condition.flow {
-                FlowCondition::Velocity(value) => FlowCondition::Velocity(scale(value)),
-                FlowCondition::SuperficialVelocity(value) => FlowCondition::SuperficialVelocity(scale(value)),
-                other => other.clone(),
-            };
+    for (condition, &ramp) in scaled.iter_mut().zip(ramp).filter(|(_, ramp)| time < **ramp) {
+        if let FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) = &mut condition.flow {
+            match value {
+                Prescribed::Uniform(u) => *u *= time / ramp,
+                Prescribed::Nodal(values) => values.iter_mut().for_each(|u| *u *= time / ramp),
+            }
         }
     }
     scaled

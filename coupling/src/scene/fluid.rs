@@ -1,6 +1,8 @@
 //! The tables of the fluid, its boundaries, and its coupling to the grains.
 
 use super::Coordinates;
+pub use crate::closure::{Drag as DragLaw, HeatTransfer as HeatLaw, VoidageFunction};
+pub use crate::scheme::SchemeName;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -203,48 +205,4 @@ impl Default for Coupling {
             heat: None,
         }
     }
-}
-
-/// Coupling schemes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum SchemeName {
-    /// The velocity that the grain will have is predicted with the contact force of the last step.
-    Henry,
-    /// The same without the contact force.
-    HenryFree,
-    /// The grain keeps its velocity while the fluid is solved.
-    Explicit,
-}
-
-/// Drag laws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum DragLaw {
-    /// Dallavalle's law of one sphere times a voidage function.
-    Dallavalle,
-}
-
-/// Voidage functions: how neighbours change drag and heat transfer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum VoidageFunction {
-    /// Eq. 11 of Henry et al. as printed, with the superficial Reynolds number.
-    Henry,
-    /// The same with the interstitial Reynolds number.
-    HenryInterstitial,
-    /// Di Felice (1994).
-    DiFelice,
-    /// What MigFlow 1.4.0 does.
-    Migflow,
-    /// Neighbours change nothing.
-    None,
-}
-
-/// Laws of the heat that grains and fluid exchange.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum HeatLaw {
-    /// Eqs. 12, 13 of Henry et al.
-    Henry,
 }
