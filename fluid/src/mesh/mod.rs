@@ -2,6 +2,7 @@
 
 pub mod domain;
 mod generate;
+mod gmsh;
 mod locate;
 mod order;
 mod outline;
