@@ -14,7 +14,7 @@ use voidage_fluid::flow::{HeatProperties, Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::linear::{Method, Options};
 use voidage_fluid::transport::{Scalar, ThinCellHeat};
-use voidage_fluid::{Mesh, Vector, mesh};
+use voidage_fluid::{Mesh, Vector};
 
 /// The system of a plane scene, at time zero.
 ///
@@ -163,7 +163,7 @@ fn place(scene: &Scene, group: &scene::Grains, k: usize, materials: &[Material])
         }
         scene::Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed))?,
         scene::Placement::Csv(file) => {
-            packing::read_table(&scene.origin.resolve(&file.file), k as u8, materials)?
+            packing::read_table(&scene.origin.folder().join(&file.file), k as u8, materials)?
         }
     })
 }
@@ -172,7 +172,7 @@ fn wall(scene: &Scene, described: &scene::Wall) -> Result<Wall<2>> {
     let material = described.material.as_ref().and_then(|name| scene.materials.get(name));
     let motion = match &described.motion {
         None => Motion::Fixed,
-        Some(scene::Motion::Velocity(v)) => Motion::Velocity(v.vector()),
+        Some(scene::Motion::Velocity(v)) => Motion::Translation { velocity: v.vector() },
         Some(scene::Motion::Oscillate(o)) => Motion::Oscillation {
             amplitude: o.amplitude.vector(),
             frequency: o.frequency,
@@ -184,10 +184,9 @@ fn wall(scene: &Scene, described: &scene::Wall) -> Result<Wall<2>> {
     Ok(Wall {
         friction: described.friction.or(material.map(|m| m.friction)).unwrap_or(0.0),
         restitution: described.restitution.or(material.map(|m| m.restitution)).unwrap_or(0.0),
-        conductivity: material.and_then(|m| m.conductivity).unwrap_or(0.0),
+        conductivity: material.and_then(|m| m.conductivity),
         temperature: described.temperature,
         motion,
-        until: described.until,
         ..wall
     })
 }
@@ -217,11 +216,10 @@ fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {
 
 fn fluid(scene: &Scene, described: &scene::Fluid) -> Result<Fluid<2>> {
     let mesh: Arc<Mesh<2>> = Arc::new(match &described.mesh {
-        scene::MeshSource::Rectangle(rectangle) => rectangle.mesh()?,
-        scene::MeshSource::File(file) => mesh::gmsh::read(&scene.origin.resolve(file))?,
+        scene::MeshSource::Rectangle(rectangle) => Mesh::rectangle(rectangle)?,
+        scene::MeshSource::File(file) => Mesh::read_msh(&scene.origin.folder().join(file))?,
     });
     let conditions: Vec<Condition<2>> = described.boundaries.iter().map(condition).collect();
-    let ramp = described.boundaries.iter().map(|b| b.ramp.unwrap_or(0.0)).collect();
     let nodes = mesh.points.len();
     let start = State {
         velocity: vec![initial_velocity(described); nodes],
@@ -232,7 +230,7 @@ fn fluid(scene: &Scene, described: &scene::Fluid) -> Result<Fluid<2>> {
         RustFluid::<2, 3>::new(properties(scene, described), heat(described), numerics(described), conditions.clone());
     backend.start(&mesh, &start)?;
     let nodal_volume = mesh.nodal_volume();
-    Ok(Fluid { backend: Box::new(backend), mesh, conditions, ramp, nodal_volume })
+    Ok(Fluid { backend: Box::new(backend), mesh, conditions, ramp: described.ramp, nodal_volume })
 }
 
 fn properties(scene: &Scene, fluid: &scene::Fluid) -> Properties<2> {

@@ -23,7 +23,7 @@ use scheme::Scheme;
 use std::sync::Arc;
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
-use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed};
+use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::exchange::{AtBodies, at_piece};
 use voidage_fluid::{Mesh, Vector};
 
@@ -81,8 +81,8 @@ pub struct Fluid<const D: usize> {
     pub mesh: Arc<Mesh<D>>,
     /// Conditions at full strength.
     pub conditions: Vec<Condition<D>>,
-    /// For each condition the time over which its velocity grows linearly from zero, s; 0 for at once.
-    pub ramp: Vec<f64>,
+    /// Time over which prescribed velocities grow linearly from zero, s; 0 for at once.
+    pub ramp: f64,
     /// Integral of each shape function, m3 (m2 in the plane).
     pub nodal_volume: Vec<f64>,
 }
@@ -261,7 +261,7 @@ impl<const D: usize> Coupled<D> {
     pub fn solve_fluid(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
         let Some(fluid) = &mut self.fluid else { return Ok(()) };
         let start = Instant::now();
-        let conditions = ramped(&fluid.conditions, &fluid.ramp, self.time + dt);
+        let conditions = ramped(&fluid.conditions, fluid.ramp, self.time + dt);
         let mut none = AtBodies::default();
         let (load, at) = match &mut self.interaction {
             Some(interaction) => (Some(&interaction.load), &mut interaction.at),
@@ -328,14 +328,16 @@ fn relative(defect: f64, scale: f64) -> f64 {
     if scale > 0.0 { defect / scale } else { defect }
 }
 
-/// The conditions at a time: prescribed velocities grow over their ramps.
-fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: &[f64], time: f64) -> Vec<Condition<D>> {
+/// The conditions at a time: prescribed velocities grow over the ramp.
+fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: f64, time: f64) -> Vec<Condition<D>> {
     let mut scaled = conditions.to_vec();
-    for (condition, &ramp) in scaled.iter_mut().zip(ramp).filter(|(_, ramp)| time < **ramp) {
-        if let FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) = &mut condition.flow {
-            match value {
-                Prescribed::Uniform(u) => *u *= time / ramp,
-                Prescribed::Nodal(values) => values.iter_mut().for_each(|u| *u *= time / ramp),
+    if time < ramp {
+        for condition in &mut scaled {
+            match &mut condition.flow {
+                FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) => {
+                    value.scale(time / ramp);
+                }
+                _ => {}
             }
         }
     }

@@ -19,6 +19,9 @@ pub struct Fluid {
     /// Velocity at the start, m/s. Default: at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_velocity: Option<Coordinates>,
+    /// Time over which prescribed velocities grow linearly from 0, s. Default 0: they are there from the start.
+    #[serde(default)]
+    pub ramp: f64,
     /// Where the mesh comes from: `{rectangle = {..}}` or `{file = "name.msh"}`.
     pub mesh: MeshSource,
     /// Temperature of the fluid. Default: none, the fluid has no temperature.
@@ -93,9 +96,6 @@ pub struct Boundary {
     /// Condition of the flow: `{velocity = [..]}`, `{superficial_velocity = [..]}`, `"no-slip"`, `"slip"` or
     /// `{open = {pressure = 0.0}}`.
     pub flow: Flow,
-    /// Time over which a prescribed velocity grows linearly from 0, s. Default: it is there from the start.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ramp: Option<f64>,
     /// Condition of the temperature: `{temperature = T}`, `{newton = {coefficient = h, temperature = T}}`,
     /// `"adiabatic"` or `{open = {temperature = T}}`. Default: adiabatic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -140,8 +140,9 @@ pub enum HeatBoundary {
     Adiabatic,
     /// Heat leaves with the fluid.
     Open {
-        /// Temperature of fluid that enters, K.
-        temperature: f64,
+        /// Temperature of fluid that enters, K. Default: fluid enters with the temperature it has at the boundary.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        temperature: Option<f64>,
     },
 }
 

@@ -210,9 +210,6 @@ pub struct Wall {
     /// How it moves. Default: not at all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
-    /// Time at which the wall is taken away, s: a gate that opens. Default: never.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub until: Option<f64>,
 }
 
 /// How a wall moves.

@@ -7,6 +7,7 @@ use voidage_fluid::mesh::{Rectangle, Sides};
 pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     positive(scene, "fluid.density", fluid.density)?;
     positive(scene, "fluid.viscosity", fluid.viscosity)?;
+    not_negative(scene, "fluid.ramp", fluid.ramp)?;
     if let Some(velocity) = &fluid.initial_velocity {
         coordinates(scene, "fluid.initial_velocity", velocity)?;
     }
@@ -60,13 +61,6 @@ fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary)
         }
         Flow::NoSlip | Flow::Slip | Flow::Open { .. } => {}
     }
-    if let Some(ramp) = boundary.ramp {
-        not_negative(scene, &format!("{path}.ramp"), ramp)?;
-        if !matches!(boundary.flow, Flow::Velocity(_) | Flow::SuperficialVelocity(_)) {
-            let message = format!("`{path}.ramp = {ramp}` is there, but no prescribed velocity");
-            return fail(scene, &format!("{path}.ramp"), message, "take it away, or prescribe a velocity");
-        }
-    }
     let Some(heat) = &boundary.heat else { return Ok(()) };
     if fluid.heat.is_none() {
         let message = format!("`{path}.heat` is there, but the fluid has no temperature");
@@ -74,9 +68,8 @@ fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary)
     }
     match heat {
         HeatBoundary::Temperature(value) => positive(scene, &format!("{path}.heat.temperature"), *value),
-        HeatBoundary::Open { temperature } => {
-            positive(scene, &format!("{path}.heat.open.temperature"), *temperature)
-        }
+        HeatBoundary::Open { temperature } => temperature
+            .map_or(Ok(()), |value| positive(scene, &format!("{path}.heat.open.temperature"), value)),
         HeatBoundary::Newton { coefficient, temperature } => {
             not_negative(scene, &format!("{path}.heat.newton.coefficient"), *coefficient)?;
             positive(scene, &format!("{path}.heat.newton.temperature"), *temperature)

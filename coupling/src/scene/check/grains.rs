@@ -114,7 +114,6 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
     wall.restitution
         .map_or(Ok(()), |value| within(scene, &format!("{path}.restitution"), value, 0.0, 1.0))?;
     wall.temperature.map_or(Ok(()), |value| positive(scene, &format!("{path}.temperature"), value))?;
-    wall.until.map_or(Ok(()), |value| not_negative(scene, &format!("{path}.until"), value))?;
     match &wall.motion {
         None => Ok(()),
         Some(Motion::Velocity(velocity)) => coordinates(scene, &format!("{path}.motion.velocity"), velocity),
