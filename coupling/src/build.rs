@@ -291,7 +291,7 @@ fn condition(boundary: &scene::Boundary) -> Condition<2> {
                 HeatCondition::Newton { coefficient: *coefficient, temperature: *temperature }
             }
             Some(scene::HeatBoundary::Open { temperature }) => {
-                HeatCondition::Open { temperature: Some(*temperature) }
+                HeatCondition::Open { temperature: *temperature }
             }
         },
     }

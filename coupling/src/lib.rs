@@ -11,9 +11,11 @@ pub mod overlap;
 pub mod recorder;
 pub mod scene;
 pub mod scheme;
+pub mod simulation;
 
 pub use error::{Error, Result};
 pub use scene::Scene;
+pub use simulation::Simulation;
 
 use backend::{FluidBackend, GrainLoad};
 use closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
@@ -45,6 +47,18 @@ pub struct Phases {
 }
 
 impl Phases {
+    /// The phases by name.
+    pub fn named(&self) -> [(&'static str, f64); 6] {
+        [
+            ("overlap", self.overlap),
+            ("closure", self.closure),
+            ("energy", self.energy),
+            ("flow", self.flow),
+            ("exchange", self.exchange),
+            ("contacts", self.contacts),
+        ]
+    }
+
     /// Adds the times of another step.
     pub fn add(&mut self, other: &Phases) {
         self.overlap += other.overlap;
@@ -65,12 +79,20 @@ pub struct StepReport {
     pub grains: Option<voidage_dem::StepReport>,
     /// The fluid solver; absent without.
     pub fluid: Option<voidage_fluid::flow::Report>,
-    /// |force on the grains - force lost by the fluid| over the sum of |force| of the grains.
-    pub momentum_exchange_defect: f64,
-    /// The same for heat.
-    pub energy_exchange_defect: f64,
-    /// Solid volume on the mesh against the grains', relative.
-    pub solid_volume_defect: f64,
+    /// |force on the grains - force lost by the fluid| over the sum of |force| of the grains; with both only.
+    pub momentum_exchange_defect: Option<f64>,
+    /// The same for heat; with heat in both only.
+    pub energy_exchange_defect: Option<f64>,
+    /// Solid volume on the mesh against the grains', relative; with both only.
+    pub solid_volume_defect: Option<f64>,
+}
+
+impl StepReport {
+    /// Largest relative residual of the solvers.
+    pub fn residual(&self) -> f64 {
+        let grains = self.grains.map_or(0.0, |grains| grains.residual);
+        self.fluid.map_or(grains, |fluid| grains.max(fluid.residual))
+    }
 }
 
 /// The fluid of a scene.
@@ -216,7 +238,7 @@ impl<const D: usize> Coupled<D> {
         let volume =
             overlap::voidage(&fluid.mesh, &load.pieces, &load.volume, &fluid.nodal_volume, &mut load.voidage);
         let exact: f64 = load.volume.iter().sum();
-        report.solid_volume_defect = relative((volume - exact).abs(), exact);
+        report.solid_volume_defect = Some(relative((volume - exact).abs(), exact));
         report.phases.overlap += start.elapsed().as_secs_f64();
         Ok(())
     }
@@ -311,7 +333,7 @@ impl<const D: usize> Interaction<D> {
         });
         let total: Vector<D> = self.force.iter().sum();
         let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
-        report.momentum_exchange_defect = relative((total - solved.force).norm(), scale);
+        report.momentum_exchange_defect = Some(relative((total - solved.force).norm(), scale));
         if let Some(columns) = &load.heat {
             self.heat.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, heat)| {
                 let taken = columns.coefficient[i] * at.temperature[i];
@@ -319,7 +341,7 @@ impl<const D: usize> Interaction<D> {
             });
             let total: f64 = self.heat.iter().sum();
             let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();
-            report.energy_exchange_defect = relative((total - solved.heat).abs(), scale);
+            report.energy_exchange_defect = Some(relative((total - solved.heat).abs(), scale));
         }
     }
 }
