@@ -19,9 +19,6 @@ pub enum Error {
     /// The grains could not be made.
     #[error(transparent)]
     Grains(#[from] voidage_dem::Error),
-    /// Parts were put together in a way that makes no sense: a mistake of the program that did it.
-    #[error("{0}")]
-    Setup(String),
     /// A file could not be read or written.
     #[error("{path}: cannot {action}: {source}", path = path.display())]
     File {
@@ -43,7 +40,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// Whether the input is wrong (exit code 2) rather than the run (exit code 1).
     pub fn is_input(&self) -> bool {
-        matches!(self, Error::Scene(_) | Error::Input(_))
+        matches!(self, Error::Scene(_) | Error::Input(_) | Error::Grains(_))
     }
 
     /// An error of the file system at `path`.

@@ -4,6 +4,7 @@
 //! is one affine closure ([`backend::GrainLoad`]) that every scheme fills and every fluid solver understands.
 
 pub mod backend;
+pub mod build;
 pub mod closure;
 pub mod error;
 pub mod overlap;
@@ -24,7 +25,7 @@ use scheme::Scheme;
 use std::sync::Arc;
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
-use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed};
+use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::exchange::{AtBodies, at_piece};
 use voidage_fluid::{Mesh, Vector};
 
@@ -46,6 +47,18 @@ pub struct Phases {
 }
 
 impl Phases {
+    /// The phases by name.
+    pub fn named(&self) -> [(&'static str, f64); 6] {
+        [
+            ("overlap", self.overlap),
+            ("closure", self.closure),
+            ("energy", self.energy),
+            ("flow", self.flow),
+            ("exchange", self.exchange),
+            ("contacts", self.contacts),
+        ]
+    }
+
     /// Adds the times of another step.
     pub fn add(&mut self, other: &Phases) {
         self.overlap += other.overlap;
@@ -66,12 +79,20 @@ pub struct StepReport {
     pub grains: Option<voidage_dem::StepReport>,
     /// The fluid solver; absent without.
     pub fluid: Option<voidage_fluid::flow::Report>,
-    /// |force on the grains - force lost by the fluid| over the sum of |force| of the grains.
-    pub momentum_exchange_defect: f64,
-    /// The same for heat.
-    pub energy_exchange_defect: f64,
-    /// Solid volume on the mesh against the grains', relative.
-    pub solid_volume_defect: f64,
+    /// |force on the grains - force lost by the fluid| over the sum of |force| of the grains; with both only.
+    pub momentum_exchange_defect: Option<f64>,
+    /// The same for heat; with heat in both only.
+    pub energy_exchange_defect: Option<f64>,
+    /// Solid volume on the mesh against the grains', relative; with both only.
+    pub solid_volume_defect: Option<f64>,
+}
+
+impl StepReport {
+    /// Largest relative residual of the solvers.
+    pub fn residual(&self) -> f64 {
+        let grains = self.grains.map_or(0.0, |grains| grains.residual);
+        self.fluid.map_or(grains, |fluid| grains.max(fluid.residual))
+    }
 }
 
 /// The fluid of a scene.
@@ -219,7 +240,7 @@ impl<const D: usize> Coupled<D> {
         let volume =
             overlap::voidage(&fluid.mesh, &load.pieces, &load.volume, &fluid.nodal_volume, &mut load.voidage);
         let exact: f64 = load.volume.iter().sum();
-        report.solid_volume_defect = relative((volume - exact).abs(), exact);
+        report.solid_volume_defect = Some(relative((volume - exact).abs(), exact));
         report.phases.overlap += start.elapsed().as_secs_f64();
         Ok(())
     }
@@ -315,7 +336,7 @@ impl<const D: usize> Interaction<D> {
         });
         let total: Vector<D> = self.force.iter().sum();
         let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
-        report.momentum_exchange_defect = relative((total - solved.force).norm(), scale);
+        report.momentum_exchange_defect = Some(relative((total - solved.force).norm(), scale));
         if let Some(columns) = &load.heat {
             self.heat.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, heat)| {
                 let taken = columns.coefficient[i] * at.temperature[i];
@@ -324,7 +345,7 @@ impl<const D: usize> Interaction<D> {
             });
             let total: f64 = self.heat.iter().sum();
             let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();
-            report.energy_exchange_defect = relative((total - solved.heat).abs(), scale);
+            report.energy_exchange_defect = Some(relative((total - solved.heat).abs(), scale));
         }
     }
 }
@@ -335,19 +356,15 @@ fn relative(defect: f64, scale: f64) -> f64 {
 
 /// The conditions at a time: prescribed velocities grow over the ramp.
 fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: f64, time: f64) -> Vec<Condition<D>> {
-    let factor = if ramp > 0.0 { (time / ramp).min(1.0) } else { 1.0 };
-    let scale = |value: &Prescribed<D>| match value {
-        Prescribed::Uniform(u) => Prescribed::Uniform(u * factor),
-        Prescribed::Nodal(values) => Prescribed::Nodal(values.iter().map(|u| u * factor).collect()),
-    };
     let mut scaled = conditions.to_vec();
-    if factor < 1.0 {
+    if time < ramp {
         for condition in &mut scaled {
-            condition.flow = match &condition.flow {
-                FlowCondition::Velocity(value) => FlowCondition::Velocity(scale(value)),
-                FlowCondition::SuperficialVelocity(value) => FlowCondition::SuperficialVelocity(scale(value)),
-                other => other.clone(),
-            };
+            match &mut condition.flow {
+                FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) => {
+                    value.scale(time / ramp);
+                }
+                _ => {}
+            }
         }
     }
     scaled

@@ -23,6 +23,14 @@ pub enum Prescribed<const D: usize> {
 }
 
 impl<const D: usize> Prescribed<D> {
+    /// Multiplies by a factor.
+    pub fn scale(&mut self, factor: f64) {
+        match self {
+            Self::Uniform(value) => *value *= factor,
+            Self::Nodal(values) => values.iter_mut().for_each(|value| *value *= factor),
+        }
+    }
+
     fn at(&self, node: usize) -> Vector<D> {
         match self {
             Self::Uniform(value) => *value,

@@ -24,12 +24,18 @@
 //! would accept the huge null vector of a singular matrix.) The reported residual is the largest
 //! of the quotients, computed from the final x and not from the recurrence of GMRES.
 
+mod dense;
+mod dissection;
 mod gmres;
+mod ilu;
 mod lu;
 pub mod matrix;
+mod multifrontal;
 mod norm;
 mod scaling;
+mod separator;
 mod solver;
+mod symbolic;
 
 pub use matrix::{BlockMatrix, Pattern};
 pub use solver::Solver;

@@ -1,17 +1,24 @@
 //! The solver: which factors are used when, and what happens when they do not suffice.
 
-use super::gmres::{Gmres, Limits};
+use super::dissection::dissect;
+use super::gmres::{Gmres, Limits, Preconditioner};
+use super::ilu::Ilu;
 use super::lu::SparseLu;
 use super::matrix::{BlockMatrix, Pattern};
+use super::multifrontal::Multifrontal;
 use super::norm::{Norm, is_finite};
 use super::scaling::Scaling;
+use super::symbolic::Symbolic;
 use super::{Method, Options, Report};
 use crate::{Error, Result, Vector};
 use std::sync::Arc;
 
-/// Iterations allowed with double precision factors of the matrix itself: these need one or two,
-/// more only when the matrix is nearly singular.
-const REFINEMENTS: usize = 10;
+/// Iterations allowed with factors of the matrix itself: these need one or two in double and two to
+/// four in single precision, more only when the matrix is nearly singular.
+const REFINEMENTS: usize = 20;
+
+/// Pieces that the dissection does not cut further, in unknowns.
+const LEAF: usize = 36;
 
 /// Solves one system after another on one pattern.
 ///
@@ -20,18 +27,33 @@ const REFINEMENTS: usize = 10;
 pub struct Solver<const B: usize> {
     pattern: Arc<Pattern>,
     options: Options,
+    /// Coordinates along which the dissection may cut.
+    directions: Vec<Vec<f64>>,
     scaling: Scaling,
     norm: Norm,
     gmres: Gmres,
-    lu: Option<SparseLu>,
-    /// Whether `lu` holds factors of an earlier matrix that are good enough to start with.
+    factors: Factors<B>,
+    /// Whether `factors.single` are of an earlier matrix and good enough to start with.
     kept: bool,
 }
 
-/// One way to precondition, in the order in which they are tried.
+/// What has been made so far; each is made when it is first needed.
+#[derive(Default)]
+struct Factors<const B: usize> {
+    symbolic: Option<Arc<Symbolic>>,
+    single: Option<Multifrontal<f32, B>>,
+    double: Option<Multifrontal<f64, B>>,
+    ilu: Option<Ilu<B>>,
+    lu: Option<SparseLu>,
+}
+
+/// One way to precondition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Attempt {
     Kept,
+    Single,
+    Double,
+    Ilu,
     Lu,
 }
 
@@ -46,10 +68,11 @@ impl<const B: usize> Solver<B> {
         Self {
             pattern,
             options,
+            directions: directions(points),
             scaling: Scaling::default(),
             norm: Norm::default(),
             gmres: Gmres::default(),
-            lu: None,
+            factors: Factors { symbolic: None, single: None, double: None, ilu: None, lu: None },
             kept: false,
         }
     }
@@ -87,7 +110,7 @@ impl<const B: usize> Solver<B> {
         }
         let mut report =
             Report { iterations: 0, residual: 0.0, factored: false, method: self.options.method };
-        for attempt in self.attempts() {
+        for &attempt in self.attempts() {
             self.attempt(attempt, matrix, rhs, x, &mut report)?;
             if report.residual <= self.options.tolerance {
                 return Ok(report);
@@ -99,8 +122,17 @@ impl<const B: usize> Solver<B> {
         )))
     }
 
-    fn attempts(&self) -> Vec<Attempt> {
-        if self.kept { vec![Attempt::Kept, Attempt::Lu] } else { vec![Attempt::Lu] }
+    /// What is tried, in this order.
+    fn attempts(&self) -> &'static [Attempt] {
+        match self.options.method {
+            Method::Multifrontal if self.kept => {
+                &[Attempt::Kept, Attempt::Single, Attempt::Double, Attempt::Lu]
+            }
+            Method::Multifrontal => &[Attempt::Single, Attempt::Double, Attempt::Lu],
+            Method::MultifrontalFresh => &[Attempt::Double, Attempt::Lu],
+            Method::Ilu => &[Attempt::Ilu, Attempt::Single, Attempt::Double, Attempt::Lu],
+            Method::Lu => &[Attempt::Lu],
+        }
     }
 
     fn attempt(
@@ -111,27 +143,72 @@ impl<const B: usize> Solver<B> {
         x: &mut [f64],
         report: &mut Report,
     ) -> Result<()> {
-        let lu = match &mut self.lu {
-            Some(lu) => lu,
-            empty => empty.insert(SparseLu::new::<B>(&self.pattern)?),
-        };
-        let iterations = if attempt == Attempt::Lu {
-            self.kept = false;
-            lu.factor(matrix, &self.scaling)?;
-            report.factored = true;
-            self.kept = self.options.method != Method::Lu && self.options.method != Method::MultifrontalFresh;
-            REFINEMENTS
-        } else {
-            3 * self.options.refactor_after / 2
-        };
-        let before = report.iterations;
         let options = self.options;
+        self.kept = matches!(attempt, Attempt::Kept | Attempt::Single);
+        report.factored |= attempt != Attempt::Kept;
+        let iterations = match attempt {
+            Attempt::Kept => 3 * options.refactor_after / 2,
+            Attempt::Ilu => options.max_iterations,
+            _ => REFINEMENTS,
+        };
         let limits = Limits { tolerance: options.tolerance, iterations, restart: options.restart };
-        report.iterations += self.gmres.solve(matrix, &self.norm.weights, rhs, x, lu, limits);
+        let preconditioner: &mut dyn Preconditioner = match attempt {
+            Attempt::Kept => self.factors.single.as_mut().expect("kept factors exist"),
+            Attempt::Single => {
+                report.method = Method::Multifrontal;
+                let symbolic = self.factors.symbolic(&self.pattern, &self.directions);
+                let single = self.factors.single.get_or_insert_with(|| Multifrontal::new(symbolic));
+                single.factor(matrix, &self.scaling);
+                single
+            }
+            Attempt::Double => {
+                report.method = Method::MultifrontalFresh;
+                let symbolic = self.factors.symbolic(&self.pattern, &self.directions);
+                let double = self.factors.double.get_or_insert_with(|| Multifrontal::new(symbolic));
+                double.factor(matrix, &self.scaling);
+                double
+            }
+            Attempt::Ilu => {
+                let ilu = self.factors.ilu.get_or_insert_with(|| Ilu::new(&self.pattern));
+                ilu.factor(matrix, &self.scaling);
+                ilu
+            }
+            Attempt::Lu => {
+                report.method = Method::Lu;
+                let lu = match &mut self.factors.lu {
+                    Some(lu) => lu,
+                    empty => empty.insert(SparseLu::new::<B>(&self.pattern)?),
+                };
+                lu.factor(matrix, &self.scaling)?;
+                lu
+            }
+        };
+        let iterations = self.gmres.solve(matrix, &self.norm.weights, rhs, x, preconditioner, limits);
+        report.iterations += iterations;
         report.residual = self.norm.residual(matrix, rhs, x);
-        if report.iterations - before > options.refactor_after {
-            self.kept = false;
-        }
+        self.kept &= iterations <= options.refactor_after && report.residual <= options.tolerance;
         Ok(())
     }
+}
+
+impl<const B: usize> Factors<B> {
+    fn symbolic(&mut self, pattern: &Pattern, directions: &[Vec<f64>]) -> Arc<Symbolic> {
+        let make = || {
+            let dissection = dissect(pattern, directions, LEAF.div_ceil(B));
+            Arc::new(Symbolic::new(pattern, &dissection, B))
+        };
+        self.symbolic.get_or_insert_with(make).clone()
+    }
+}
+
+/// Coordinates along which straight cuts are tried: the axes, and in the plane the diagonals, each
+/// two places from the one that it is perpendicular to.
+fn directions<const D: usize>(points: &[Vector<D>]) -> Vec<Vec<f64>> {
+    let along = |normal: &dyn Fn(&Vector<D>) -> f64| points.iter().map(normal).collect::<Vec<_>>();
+    let mut axes: Vec<_> = (0..D).map(|d| along(&|x| x[d])).collect();
+    if D == 2 {
+        axes.insert(1, along(&|x| x.sum()));
+        axes.push(along(&|x| x[0] - x[1]));
+    }
+    axes
 }
