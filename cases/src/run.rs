@@ -99,6 +99,8 @@ struct Run {
     summary: Summary,
     last: u64,
     started: Instant,
+    /// Wall time until the first step, s.
+    setup_s: f64,
     output_s: f64,
 }
 
@@ -143,7 +145,16 @@ impl Run {
             folder.display()
         );
         let stamp = Stamp { scene_hash: hash, step: simulation.steps(), time: simulation.time() };
-        Ok(Run { simulation, recording, stamp, summary, last: scene.time.steps(), started, output_s: 0.0 })
+        Ok(Run {
+            simulation,
+            recording,
+            stamp,
+            summary,
+            last: scene.time.steps(),
+            started,
+            setup_s: started.elapsed().as_secs_f64(),
+            output_s: 0.0,
+        })
     }
 
     /// Steps to the end, or until interrupted (`false`).
@@ -229,6 +240,7 @@ impl Run {
         let totals = self.simulation.totals();
         let mut phases: BTreeMap<String, f64> =
             serde_json::to_value(totals.phases).and_then(serde_json::from_value).unwrap_or_default();
+        phases.insert("setup".to_owned(), self.setup_s);
         phases.insert("output".to_owned(), self.output_s);
         let summary = &mut self.summary;
         summary.steps = self.simulation.steps();

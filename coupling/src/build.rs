@@ -114,7 +114,7 @@ fn grains(scene: &Scene) -> Result<Dem<2>> {
     if contacts.rotation {
         all = all.rotating();
     }
-    let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect::<Result<Vec<_>>>()?;
+    let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect();
     Ok(Dem::new(all, walls, materials, settings(scene, &contacts))?)
 }
 
@@ -189,7 +189,8 @@ fn place(scene: &Scene, group: &scene::Grains, k: usize, materials: &[Material])
     }
 }
 
-fn wall(scene: &Scene, described: &scene::Wall) -> Result<Wall<2>> {
+/// A wall of the scene, at time 0 and by its law of motion.
+pub fn wall(scene: &Scene, described: &scene::Wall) -> Wall<2> {
     let material = described.material.as_ref().and_then(|name| scene.materials.get(name));
     let motion = match &described.motion {
         None => Motion::Fixed,
@@ -200,14 +201,14 @@ fn wall(scene: &Scene, described: &scene::Wall) -> Result<Wall<2>> {
         Some(scene::Motion::Rotate(r)) => Motion::Rotation { centre: r.centre.vector(), rate: r.rate },
     };
     let wall = Wall::new(described.name.clone(), described.from.vector(), described.to.vector());
-    Ok(Wall {
+    Wall {
         friction: described.friction.or(material.map(|m| m.friction)).unwrap_or(0.0),
         restitution: described.restitution.or(material.map(|m| m.restitution)).unwrap_or(0.0),
         conductivity: material.and_then(|m| m.conductivity),
         temperature: described.temperature,
         motion,
         ..wall
-    })
+    }
 }
 
 fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {

@@ -3,7 +3,6 @@
 //! Axes and text are drawn by plotters; fields and discs are filled here, pixel by pixel, because discs of plotters have
 //! integer radii and its triangles cannot be shaded.
 
-use colorous::Gradient;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
@@ -209,12 +208,6 @@ pub fn text(size: u32) -> TextStyle<'static> {
 /// Pixels of the canvas for pixels of the saved picture.
 pub const fn pixels(size: u32) -> u32 {
     size * SCALE
-}
-
-/// A colour of a gradient for a value between two bounds.
-pub fn shade(gradient: Gradient, value: f64, low: f64, high: f64) -> [u8; 3] {
-    let place = if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
-    gradient.eval_continuous(if place.is_nan() { 0.5 } else { place }).as_array()
 }
 
 /// Labels of an axis: as many digits as its steps need.

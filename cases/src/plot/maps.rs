@@ -1,6 +1,5 @@
 //! Time averages: packing fraction, and grain velocity.
 
-use super::canvas::shade;
 use super::snapshot::{Plane, Scale};
 use super::table::Table;
 use std::path::{Path, PathBuf};
@@ -65,7 +64,7 @@ impl<'a> Grid<'a> {
         for square in 0..self.x.len() {
             let lower = [self.x[square] - self.half[0], self.y[square] - self.half[1]];
             let upper = [self.x[square] + self.half[0], self.y[square] + self.half[1]];
-            plane.rectangle(lower, upper, shade(scale.gradient, value(square), scale.low, scale.high));
+            plane.rectangle(lower, upper, scale.colour(value(square)));
         }
     }
 
@@ -76,6 +75,7 @@ impl<'a> Grid<'a> {
             gradient: colorous::VIRIDIS,
             low: 0.0,
             high: (high * 20.0).ceil() / 20.0,
+            part: [0.0, 1.0],
         };
         let mut plane = Plane::new(path, self.plane(), "", std::slice::from_ref(&scale))?;
         self.fill(&mut plane, &scale, |square| self.packing[square]);
@@ -86,7 +86,13 @@ impl<'a> Grid<'a> {
         let seen = |square: &usize| self.packing[*square] > 0.02;
         let high = (0..self.x.len()).filter(seen).map(|square| self.speed(square)).fold(0.0, f64::max);
         let high = if high > 0.0 { high } else { 1.0 };
-        let scale = Scale { name: "grain speed (m/s)", gradient: colorous::VIRIDIS, low: 0.0, high };
+        let scale = Scale {
+            name: "grain speed (m/s)",
+            gradient: colorous::VIRIDIS,
+            low: 0.0,
+            high,
+            part: [0.0, 1.0],
+        };
         let bounds = self.plane();
         let mut plane = Plane::new(path, bounds, "", std::slice::from_ref(&scale))?;
         self.fill(&mut plane, &scale, |square| if seen(&square) { self.speed(square) } else { 0.0 });

@@ -1,10 +1,11 @@
 //! Pictures of the plane: grains over the voidage, or a field of the fluid, with colour bars.
 
-use super::canvas::{Canvas, Frame, label, pixels, shade, text};
+use super::canvas::{Canvas, Frame, label, pixels, text};
 use colorous::Gradient;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
 use voidage_coupling::Result;
+use voidage_coupling::build::wall as wall_at;
 use voidage_coupling::recorder::read_frame;
 use voidage_coupling::scene::Scene;
 
@@ -18,6 +19,17 @@ pub struct Scale {
     pub low: f64,
     /// Value of the last colour.
     pub high: f64,
+    /// Part of the gradient that is used: its ends may be too dark or too light, and it may run backwards.
+    pub part: [f64; 2],
+}
+
+impl Scale {
+    /// The colour of a value.
+    pub fn colour(&self, value: f64) -> [u8; 3] {
+        let place = if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 };
+        let place = if place.is_nan() { 0.5 } else { place.clamp(0.0, 1.0) };
+        self.gradient.eval_continuous(self.part[0] + place * (self.part[1] - self.part[0])).as_array()
+    }
 }
 
 /// A picture of a part of the plane.
@@ -29,8 +41,9 @@ pub struct Plane {
     unit: f64,
 }
 
-/// Grey from light (much fluid) to dark.
-const VOIDAGE: Gradient = colorous::GREYS;
+/// From grey (packed) to white (fluid only).
+const VOIDAGE: Scale =
+    Scale { name: "voidage", gradient: colorous::GREYS, low: 0.3, high: 1.0, part: [0.65, 0.0] };
 
 /// Draws a frame of a run.
 pub fn draw(
@@ -46,10 +59,8 @@ pub fn draw(
     points.extend(fluid.iter().flat_map(|fluid| &fluid.points));
     if fluid.is_none() {
         points.extend(grains.iter().flat_map(|grains| &grains.points));
-        let ends = scene.walls.iter().flat_map(|wall| [wall.from.vector::<3>(), wall.to.vector::<3>()]);
-        points.extend(
-            ends.filter(|_| scene.walls.iter().all(|wall| wall.motion.is_none())).map(<[f64; 3]>::from),
-        );
+        let still = scene.walls.iter().filter(|wall| wall.motion.is_none());
+        points.extend(still.flat_map(|wall| [&wall.from, &wall.to]).map(|end| <[f64; 3]>::from(end.vector::<3>())));
     }
     let least = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::INFINITY, f64::min);
     let most = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::NEG_INFINITY, f64::max);
@@ -68,13 +79,16 @@ pub fn draw(
     };
     let mut scales = Vec::new();
     if let Some((name, values)) = &coloured {
-        scales.push(scale(name, colorous::INFERNO, values));
+        let warm = name.contains("temperature");
+        let (gradient, part) =
+            if warm { (colorous::INFERNO, [0.08, 0.95]) } else { (colorous::VIRIDIS, [0.0, 1.0]) };
+        scales.push(scale(name, gradient, part, values));
     }
     if voidage.is_some() {
-        scales.push(Scale { name: "voidage", gradient: VOIDAGE, low: 1.0, high: 0.3 });
+        scales.push(VOIDAGE);
     }
     if let Some(values) = &field {
-        scales.push(scale("fluid speed (m/s)", colorous::VIRIDIS, values));
+        scales.push(scale("fluid speed (m/s)", colorous::VIRIDIS, [0.0, 1.0], values));
     }
     let mut plane = Plane::new(path, bounds, &format!("t = {time:.3} s"), &scales)?;
     if let Some(fluid) = &fluid {
@@ -90,7 +104,7 @@ pub fn draw(
     if let (Some(grains), Some((_, values)), Some(scale)) = (&grains, &coloured, scales.first()) {
         let radius = grains.column("radius_m").unwrap_or(&[]);
         for ((point, radius), value) in grains.points.iter().zip(radius).zip(values) {
-            let colour = shade(scale.gradient, *value, scale.low, scale.high);
+            let colour = scale.colour(*value);
             plane.canvas.disc(
                 plane.frame,
                 [point[0] * plane.unit, point[1] * plane.unit],
@@ -99,11 +113,9 @@ pub fn draw(
             );
         }
     }
-    let walls: Vec<_> = scene.walls.iter().filter(|wall| wall.motion.is_none()).collect();
     if fluid.is_none() {
-        plane.lines(
-            walls.iter().map(|wall| [&wall.from, &wall.to].map(|end| [end.0[0], end.0[1]])).collect(),
-        )?;
+        let walls = scene.walls.iter().map(|wall| wall_at(scene, wall).at(time).map(<[f64; 2]>::from));
+        plane.lines(walls.collect())?;
     }
     plane.save()
 }
@@ -122,7 +134,7 @@ fn speeds(frame: &voidage_coupling::recorder::Frame) -> Vec<f64> {
 }
 
 /// Bounds that a few extreme values do not stretch.
-fn scale(name: &'static str, gradient: Gradient, values: &[f64]) -> Scale {
+fn scale(name: &'static str, gradient: Gradient, part: [f64; 2], values: &[f64]) -> Scale {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let at =
@@ -130,7 +142,7 @@ fn scale(name: &'static str, gradient: Gradient, values: &[f64]) -> Scale {
     let (low, high) = (at(0.01).unwrap_or(0.0), at(0.99).unwrap_or(1.0));
     let least = 1e-3 * high.abs().max(1e-9);
     let (low, high) = if high - low < least { (low - least, high + least) } else { (low, high) };
-    Scale { name, gradient, low: if name.contains("speed") { 0.0 } else { low }, high }
+    Scale { name, gradient, low: if name.contains("speed") { 0.0 } else { low }, high, part }
 }
 
 impl Plane {
@@ -142,7 +154,7 @@ impl Plane {
         // The longer side gets 1000 pixels, the other what keeps circles round.
         let factor = (1000.0 / height).min(900.0 / width);
         let inner = [(width * factor).round().max(160.0) as u32, (height * factor).round().max(160.0) as u32];
-        let (left, right, top, bottom, bar) = (100, 24, if title.is_empty() { 24 } else { 56 }, 76, 150);
+        let (left, right, top, bottom, bar) = (112, 24, if title.is_empty() { 24 } else { 56 }, 76, 136);
         let outer = [left + inner[0] + right + bar * scales.len() as u32, top + inner[1] + bottom];
         let mut canvas = Canvas::new(outer[0], outer[1]);
         let (frame, bars) = canvas.draw(path, |area| {
@@ -151,7 +163,8 @@ impl Plane {
                 .margin_top(pixels(top))
                 .margin_right(pixels(right))
                 .x_label_area_size(pixels(bottom))
-                .y_label_area_size(pixels(left))
+                .margin_left(pixels(12))
+                .y_label_area_size(pixels(left - 12))
                 .build_cartesian_2d(bounds[0]..bounds[2], bounds[1]..bounds[3])?;
             chart
                 .configure_mesh()
@@ -182,8 +195,7 @@ impl Plane {
             let steps = 256;
             for k in 0..steps {
                 let at = |k: usize| scale.low + (scale.high - scale.low) * k as f64 / steps as f64;
-                let colour = shade(scale.gradient, k as f64 + 0.5, 0.0, steps as f64);
-                canvas.rectangle(*frame, [0.0, at(k)], [1.0, at(k + 1)], colour);
+                canvas.rectangle(*frame, [0.0, at(k)], [1.0, at(k + 1)], scale.colour(at(k)));
             }
         }
         Ok(Plane { canvas, path: path.to_path_buf(), frame, unit })
@@ -197,8 +209,7 @@ impl Plane {
                 [point[0] * self.unit, point[1] * self.unit]
             });
             let values = cell.map(|node| values[node as usize]);
-            let (low, high) = (scale.low, scale.high);
-            self.canvas.triangle(self.frame, corners, values, |value| colour_of(scale, value, low, high));
+            self.canvas.triangle(self.frame, corners, values, |value| scale.colour(value));
         }
     }
 
@@ -231,6 +242,8 @@ impl Plane {
 
     fn strokes(&mut self, lines: Vec<[[f64; 2]; 2]>, colour: RGBColor, width: u32) -> Result<()> {
         let (frame, unit) = (self.frame, self.unit);
+        let bounds = frame.plane.map(|bound| bound / unit);
+        let lines: Vec<_> = lines.into_iter().filter_map(|line| clip(line, bounds)).collect();
         let place = |point: [f64; 2]| {
             let [x, y] = frame.place(point[0] * unit, point[1] * unit);
             (x.round() as i32, y.round() as i32)
@@ -249,13 +262,25 @@ impl Plane {
     }
 }
 
-/// Scales may run downwards (voidage), so that dark is solid.
-fn colour_of(scale: &Scale, value: f64, low: f64, high: f64) -> [u8; 3] {
-    if low <= high {
-        shade(scale.gradient, value, low, high)
-    } else {
-        shade(scale.gradient, -value, -low, -high)
+/// The part of a line inside of bounds (left, bottom, right, top), if there is one (Liang and Barsky).
+fn clip(line: [[f64; 2]; 2], bounds: [f64; 4]) -> Option<[[f64; 2]; 2]> {
+    let [from, to] = line;
+    let along = [to[0] - from[0], to[1] - from[1]];
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    for axis in 0..2 {
+        for (bound, side) in [(bounds[axis], -1.0), (bounds[axis + 2], 1.0)] {
+            let (speed, room) = (side * along[axis], side * (bound - from[axis]));
+            if speed == 0.0 && room < 0.0 {
+                return None;
+            } else if speed < 0.0 {
+                enter = enter.max(room / speed);
+            } else if speed > 0.0 {
+                leave = leave.min(room / speed);
+            }
+        }
     }
+    let at = |share: f64| [from[0] + share * along[0], from[1] + share * along[1]];
+    (enter < leave).then(|| [at(enter), at(leave)])
 }
 
 /// The axis of a colour bar; it is filled later.
@@ -268,9 +293,9 @@ fn colour_bar(
     let mut chart = ChartBuilder::on(area)
         .margin_top(pixels(top))
         .margin_bottom(pixels(bottom))
-        .margin_left(pixels(10))
-        .margin_right(pixels(6))
-        .set_label_area_size(LabelAreaPosition::Right, pixels(108))
+        .margin_left(pixels(8))
+        .margin_right(pixels(14))
+        .set_label_area_size(LabelAreaPosition::Right, pixels(88))
         .build_cartesian_2d(0.0..1.0, low..high)?;
     chart
         .configure_mesh()
