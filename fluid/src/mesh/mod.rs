@@ -160,4 +160,6 @@ impl Boundary {
 }
 
 #[cfg(test)]
+mod domain_tests;
+#[cfg(test)]
 mod tests;

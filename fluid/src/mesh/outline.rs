@@ -98,7 +98,7 @@ fn fractions(
     at: impl Fn(f64) -> [f64; 2],
 ) -> Result<Vec<f64>> {
     let finest = length / domain.smallest_size();
-    if !(finest < 1e7) {
+    if finest.is_nan() || finest >= 1e7 {
         return Err(Error::Mesh(format!("a boundary of length {length} m has no room for {finest:e} edges")));
     }
     let samples = (4.0 * finest).ceil().max(64.0) as usize;

@@ -44,7 +44,8 @@ pub(super) fn smooth(domain: &Rectangle, sites: &mut [Site], cells: &[u32]) {
         let before = worst(sites);
         let new = sum / weights;
         sites[node].at = Point2::new(new[0], new[1]);
-        if !(worst(sites) >= before.min(GOOD_ANGLE)) {
+        let after = worst(sites);
+        if after.is_nan() || after < before.min(GOOD_ANGLE) {
             sites[node].at = old;
         }
     }

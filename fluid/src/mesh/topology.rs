@@ -120,7 +120,7 @@ impl<const D: usize> Mesh<D> {
             return Err(Error::Mesh(format!("a mesh has 2 or 3 dimensions, not {D}")));
         }
         let too_long = self.cells.len() >= u32::MAX as usize;
-        if self.cells.is_empty() || self.cells.len() % (D + 1) != 0 || too_long {
+        if self.cells.is_empty() || !self.cells.len().is_multiple_of(D + 1) || too_long {
             let text = format!("{} node numbers are no list of cells of {}", self.cells.len(), D + 1);
             return Err(Error::Mesh(text));
         }
