@@ -186,10 +186,12 @@ impl Simulation {
             let fluid = last.fluid.unwrap_or_default();
             readings.push(("linear_iterations", fluid.flow_iterations as f64));
         }
-        readings.extend(last.momentum_exchange_defect.map(|defect| ("momentum_exchange_defect", defect)));
-        if let (Some(interaction), Some(defect)) = (&self.coupled.interaction, last.energy_exchange_defect) {
-            readings.push(("fluid_to_grain_heat_W_per_m", interaction.heat.iter().sum()));
-            readings.push(("energy_exchange_defect", defect));
+        if let Some(interaction) = &self.coupled.interaction {
+            readings.push(("momentum_exchange_defect", last.momentum_exchange_defect.unwrap_or(0.0)));
+            if interaction.load.heat.is_some() {
+                readings.push(("fluid_to_grain_heat_W_per_m", interaction.heat.iter().sum()));
+                readings.push(("energy_exchange_defect", last.energy_exchange_defect.unwrap_or(0.0)));
+            }
         }
         readings
     }

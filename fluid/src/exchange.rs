@@ -158,6 +158,8 @@ pub struct CellExchange<const D: usize, const B: usize> {
     pub force: [Vector<D>; B],
     /// sum s V b.
     pub volume_flux: Vector<D>,
+    /// sum s V phi_a phi_b.
+    pub solid: [[f64; B]; B],
     total_drag: f64,
 }
 
@@ -173,6 +175,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
             diffusion: 0.0,
             force: [Vector::zeros(); B],
             volume_flux: Vector::zeros(),
+            solid: [[0.0; B]; B],
             total_drag: 0.0,
         };
         for (piece, body) in pieces {
@@ -189,6 +192,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
                 sum.force[a] += load.velocity[body] * (share * gamma * phi[a]);
                 for b in 0..B {
                     sum.drag[a][b] += slip * phi[a] * phi[b];
+                    sum.solid[a][b] += share * volume * phi[a] * phi[b];
                 }
             }
         }

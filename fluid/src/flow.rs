@@ -396,7 +396,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let element = elements[k];
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
-            let exchange = exchange.and_then(|load| CellExchange::gather(load, sorted, k));
+            let bodies = exchange.and_then(|load| CellExchange::gather(load, sorted, k));
             let solid_divergence = match flux.is_empty() {
                 true => 0.0,
                 false => (0..B).map(|a| flux[node[a]].dot(&element.gradient[a])).sum(),
@@ -404,14 +404,18 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let lightness = buoyancy.map_or([1.0; B], |(heat, temperature)| {
                 node.map(|n| 1.0 - heat.properties.expansion * (temperature[n] - heat.properties.reference))
             });
+            let weight = match exchange {
+                Some(_) => forms::fluid_weight(element.measure, &lightness, bodies.as_ref()),
+                None => std::array::from_fn(|a| (0..B).map(|b| mass[a][b] * lightness[b]).sum()),
+            };
             let cell = forms::Cell {
                 element,
                 voidage,
                 old: node.map(|n| old[n]),
                 at: node.map(|n| at[n]),
-                lightness,
+                weight,
                 solid_divergence,
-                exchange: exchange.as_ref(),
+                exchange: bodies.as_ref(),
                 source: sources.map(|s| (node.map(|n| s.momentum[n]), node.map(|n| s.mass[n]))),
                 mass,
                 load,
