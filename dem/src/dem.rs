@@ -216,7 +216,7 @@ impl<const D: usize> Dem<D> {
             let stopping = Stopping {
                 tolerance: self.settings.tolerance,
                 max_sweeps: self.settings.max_sweeps,
-                floor: self.rounding(),
+                floor: self.negligible(h),
             };
             let outcome = problem.solve(&stopping);
             report.sweeps += outcome.sweeps;
@@ -239,11 +239,12 @@ impl<const D: usize> Dem<D> {
         (self.search, self.problem) = (search, problem);
     }
 
-    /// Twice the kinetic energy that rounding of the velocities may hold, J: impulses below it mean nothing.
-    fn rounding(&self) -> f64 {
+    /// Scale below which impulses mean nothing, as twice an energy (J): what carries every grain by 1e-9 of its radius
+    /// in the sub-step, or changes its velocity by 1e-12 of itself.
+    fn negligible(&self, h: f64) -> f64 {
         let p = &self.particles;
-        let energy: f64 = p.mass.iter().zip(&p.velocity).map(|(m, v)| m * v.norm_squared()).sum();
-        energy * 1e-28
+        let square = |i: usize| (1e-9 * p.radius[i] / h).powi(2) + 1e-24 * p.velocity[i].norm_squared();
+        (0..p.len()).map(|i| p.mass[i] * square(i)).sum()
     }
 
     /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.

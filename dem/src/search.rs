@@ -182,12 +182,12 @@ impl<const D: usize> Search<D> {
             grid.each_in_tile(tile, |cell, a, others| {
                 let i = grid.order[a] as usize;
                 let range = spread.speed(cell) * scene.h;
-                if others.is_empty() && !self.wall_starts.is_empty() {
+                if others.is_none() && !self.wall_starts.is_empty() {
                     let walls = self.wall_starts[cell] as usize..self.wall_starts[cell + 1] as usize;
                     near_walls(scene, i, &self.wall_of[walls], range, near);
                     pairs.extend(near.iter().map(|n| [a as u32, WALL + n.wall]));
                 }
-                for b in others {
+                for b in others.into_iter().flatten() {
                     let j = grid.order[b] as usize;
                     let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
                     if (p.position[j] - p.position[i]).norm_squared() < reach * reach {
