@@ -6,7 +6,7 @@ use crate::memory::{Memory, WALL};
 use crate::search::{Scene, Search};
 use crate::solver::{Problem, Stopping};
 use crate::walls::Placed;
-use crate::{Load, Material, Particles, Settings, StepReport, Vector, Wall};
+use crate::{Acceleration, Load, Material, Particles, Settings, StepReport, Vector, Wall};
 use serde::{Deserialize, Serialize};
 
 /// Grains, walls and everything that carries over from step to step.
@@ -216,6 +216,7 @@ impl<const D: usize> Dem<D> {
             let stopping = Stopping {
                 tolerance: self.settings.tolerance,
                 max_sweeps: self.settings.max_sweeps,
+                momentum: self.settings.acceleration == Acceleration::Momentum,
                 floor: self.negligible(h),
             };
             let outcome = problem.solve(&stopping);
