@@ -307,11 +307,7 @@ impl<const D: usize> Dem<D> {
                 (p.position[j], p.radius[i] + p.radius[j], p.radius[i].min(p.radius[j]))
             } else {
                 let touch = self.search.touches[c.j as usize - n];
-                let wall = &self.placed[touch.wall as usize];
-                let moved = Placed {
-                    points: [wall.points[0] + wall.velocity[0] * h, wall.points[1] + wall.velocity[1] * h],
-                    ..*wall
-                };
+                let moved = self.placed[touch.wall as usize].after(h);
                 (moved.point(moved.nearest(&p.position[i])), p.radius[i], p.radius[i])
             };
             deepest.max((radius - (other - p.position[i]).norm()) / smaller)

@@ -221,6 +221,22 @@ impl<const D: usize> Grid<D> {
         });
     }
 
+    /// Calls `f(slot)` for all slots in the coarsest cells around (and at) a point.
+    pub fn around(&self, x: &Vector<D>, mut f: impl FnMut(usize)) {
+        let home = self.locate(x).map(|q| q >> (self.levels - 1));
+        for level in 0..self.levels {
+            let s = self.levels - 1 - level;
+            let low = std::array::from_fn(|a| (home[a] - 1).max(0) << s);
+            let high = std::array::from_fn(|a| (home[a] + 2).min(self.dims[a]) << s);
+            each_cell(&low, &high, |q| self.slots(self.cell(level, q)).for_each(&mut f));
+        }
+    }
+
+    /// Width of the coarsest cells, m.
+    pub fn width(&self) -> f64 {
+        (1u64 << (self.levels - 1)) as f64 / self.inverse
+    }
+
     /// Calls `f(coarse cell, slot, Some(slots))` for the slots of one tile with others that they may touch, each
     /// pair once; and before that `f(coarse cell, slot, None)` once for each slot.
     pub fn each_in_tile(&self, tile: usize, mut f: impl FnMut(usize, usize, Option<std::ops::Range<usize>>)) {

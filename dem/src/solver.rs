@@ -127,7 +127,7 @@ impl<const D: usize> Problem<D> {
             // when the true one is worth a look.
             let near = change <= (stopping.tolerance * stopping.tolerance) * size.max(stopping.floor);
             let end = outcome.sweeps == stopping.max_sweeps;
-            if (near && outcome.sweeps >= last_look + LOOK) || outcome.sweeps >= last_look + 8 * LOOK || end {
+            if (near && outcome.sweeps >= last_look + LOOK) || outcome.sweeps >= last_look + 2 * LOOK || end {
                 outcome.residual = self.residual::<L>(stopping.floor);
                 last_look = outcome.sweeps;
             }
