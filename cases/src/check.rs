@@ -1,8 +1,8 @@
 //! `voidage check`: what a scene has, and how large it is.
 
 use std::path::Path;
-use voidage_coupling::scene::{Amount, MeshSource, Placement, Scene};
 use voidage_coupling::Result;
+use voidage_coupling::scene::{Amount, MeshSource, Placement, Scene};
 use voidage_fluid::Mesh;
 
 /// Checks a scene and prints its parts.
@@ -13,7 +13,12 @@ pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     grains(&scene);
     fluid(&scene)?;
     part("coupling", scene.coupling.as_ref(), |coupling| {
-        format!("{} with drag {} and voidage function {}", name(&coupling.scheme), name(&coupling.drag), name(&coupling.voidage_function))
+        format!(
+            "{} with drag {} and voidage function {}",
+            name(&coupling.scheme),
+            name(&coupling.drag),
+            name(&coupling.voidage_function)
+        )
     });
     part("  heat exchange", scene.coupling.as_ref().and_then(|coupling| coupling.heat.as_ref()), name);
     let output = &scene.output;
@@ -53,7 +58,9 @@ fn grains(scene: &Scene) {
     line("  rotation", if contacts.is_some_and(|contacts| contacts.rotation) { "on" } else { "off" });
     line("  heat", if scene.grains_have_heat() { "on" } else { "off" });
     part("  conduction", contacts.and_then(|contacts| contacts.conduction.as_ref()), name);
-    part("  cohesion", contacts.and_then(|contacts| contacts.cohesion.as_ref()), |c| format!("{} N/m", c.force));
+    part("  cohesion", contacts.and_then(|contacts| contacts.cohesion.as_ref()), |c| {
+        format!("{} N/m", c.force)
+    });
 }
 
 fn fluid(scene: &Scene) -> Result<()> {
@@ -64,8 +71,9 @@ fn fluid(scene: &Scene) -> Result<()> {
     line("fluid", format!("density {} kg/m3, viscosity {} Pa s", fluid.density, fluid.viscosity));
     match &fluid.mesh {
         MeshSource::Rectangle(rectangle) => {
-            let mesh = Mesh::rectangle(rectangle)
-                .map_err(|error| scene.error("fluid.mesh.rectangle", error.to_string(), "change the rectangle"))?;
+            let mesh = Mesh::rectangle(rectangle).map_err(|error| {
+                scene.error("fluid.mesh.rectangle", error.to_string(), "change the rectangle")
+            })?;
             line("  mesh", format!("{} nodes, {} triangles", mesh.points.len(), mesh.cell_count()));
         }
         MeshSource::File(file) => line("  mesh", file.display()),
@@ -94,4 +102,3 @@ fn part<T>(what: &str, part: Option<&T>, text: impl FnOnce(&T) -> String) {
 fn name(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
-

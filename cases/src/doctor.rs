@@ -8,7 +8,10 @@ use voidage_coupling::recorder::write_whole;
 pub fn doctor() -> Result<u8> {
     let threads = std::thread::available_parallelism().map_or(1, |count| count.get());
     println!("program             {} {}", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"));
-    println!("build               {}", if cfg!(debug_assertions) { "debug: slow, use --release" } else { "release" });
+    println!(
+        "build               {}",
+        if cfg!(debug_assertions) { "debug: slow, use --release" } else { "release" }
+    );
     println!("cores               {threads}");
     match memory() {
         Some(free) => println!("free memory         {:.1} GiB", free / 1024f64.powi(3)),

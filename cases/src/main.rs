@@ -16,7 +16,10 @@ use voidage_coupling::Result;
 
 /// Discrete grains in a finite element fluid.
 #[derive(Parser)]
-#[command(version, after_help = "Exit codes: 0 done; 1 the run failed or was interrupted; 2 the input is wrong.")]
+#[command(
+    version,
+    after_help = "Exit codes: 0 done; 1 the run failed or was interrupted; 2 the input is wrong."
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,

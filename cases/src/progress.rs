@@ -51,7 +51,9 @@ impl Progress {
         let bar = has_bar(quiet).then(|| {
             let span = info_span!("run");
             let style = "{bar:30.cyan/blue} {pos}/{len} steps  {per_sec}  {eta} left  {msg}";
-            span.pb_set_style(&ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
+            span.pb_set_style(
+                &ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()),
+            );
             span.pb_set_length(last);
             span.pb_set_position(first);
             span.pb_start();

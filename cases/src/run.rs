@@ -11,7 +11,7 @@ use std::time::Instant;
 use tracing::{info, warn};
 use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
 use voidage_coupling::scene::Scene;
-use voidage_coupling::{Error, Result, Simulation};
+use voidage_coupling::{Error, Result, Simulation, StepReport};
 
 /// Options of `voidage run`.
 #[derive(Args)]
@@ -135,7 +135,13 @@ impl Run {
             ..Summary::default()
         };
         info!("{}", scene.title);
-        info!("{} grains, {} nodes, {} cells, {threads} threads, into {}", summary.grains, summary.nodes, summary.cells, folder.display());
+        info!(
+            "{} grains, {} nodes, {} cells, {threads} threads, into {}",
+            summary.grains,
+            summary.nodes,
+            summary.cells,
+            folder.display()
+        );
         let stamp = Stamp { scene_hash: hash, step: simulation.steps(), time: simulation.time() };
         Ok(Run { simulation, recording, stamp, summary, last: scene.time.steps(), started, output_s: 0.0 })
     }
@@ -155,7 +161,7 @@ impl Run {
                 time: self.simulation.time(),
                 grains: self.summary.grains,
                 contacts: report.grains.map_or(0, |grains| grains.contacts),
-                residual: report.residual(),
+                residual: residual(&report),
             });
         }
         Ok(true)
@@ -210,14 +216,19 @@ impl Run {
             }
         })?;
         plot::draw(&folder)?;
-        println!("{ended} after {} steps in {}: {}", self.summary.steps, duration(self.summary.wall_s), folder.display());
+        println!(
+            "{ended} after {} steps in {}: {}",
+            self.summary.steps,
+            duration(self.summary.wall_s),
+            folder.display()
+        );
         Ok(if finished { 0 } else { 1 })
     }
 
     fn write_summary(&mut self) -> Result<()> {
         let totals = self.simulation.totals();
         let mut phases: BTreeMap<String, f64> =
-            totals.phases.named().into_iter().map(|(name, seconds)| (name.to_owned(), seconds)).collect();
+            serde_json::to_value(totals.phases).and_then(serde_json::from_value).unwrap_or_default();
         phases.insert("output".to_owned(), self.output_s);
         let summary = &mut self.summary;
         summary.steps = self.simulation.steps();
@@ -231,4 +242,11 @@ impl Run {
         summary.solid_volume_defect = totals.solid_volume_defect;
         summary.write(&self.recording.folder().join("summary.json"))
     }
+}
+
+/// The largest relative residual of the solvers in a step.
+fn residual(report: &StepReport) -> f64 {
+    let contacts = report.grains.map_or(0.0, |grains| grains.residual);
+    let flow = report.fluid.map_or(0.0, |fluid| fluid.residual);
+    contacts.max(flow)
 }

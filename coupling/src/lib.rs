@@ -173,7 +173,8 @@ impl<const D: usize> Interaction<D> {
         let mut heat = Vec::new();
         if laws.thermal.is_some() {
             let column = || vec![0.0; count];
-            load.heat = Some(backend::HeatLoad { coefficient: column(), mobility: column(), temperature: column() });
+            load.heat =
+                Some(backend::HeatLoad { coefficient: column(), mobility: column(), temperature: column() });
             heat = column();
         }
         let force = vec![Vector::zeros(); count];
@@ -227,7 +228,8 @@ impl<const D: usize> Coupled<D> {
     /// # Errors
     /// A grain lies outside the mesh.
     pub fn cut_grains(&mut self, report: &mut StepReport) -> Result<()> {
-        let (Some(grains), Some(fluid), Some(interaction)) = (&self.grains, &self.fluid, &mut self.interaction)
+        let (Some(grains), Some(fluid), Some(interaction)) =
+            (&self.grains, &self.fluid, &mut self.interaction)
         else {
             return Ok(());
         };
@@ -245,7 +247,8 @@ impl<const D: usize> Coupled<D> {
 
     /// Drag and heat-transfer coefficients with the fluid of the last accepted step.
     pub fn evaluate_closures(&mut self, report: &mut StepReport) {
-        let (Some(grains), Some(fluid), Some(interaction)) = (&self.grains, &self.fluid, &mut self.interaction)
+        let (Some(grains), Some(fluid), Some(interaction)) =
+            (&self.grains, &self.fluid, &mut self.interaction)
         else {
             return;
         };
@@ -337,7 +340,8 @@ impl<const D: usize> Interaction<D> {
         if let Some(columns) = &load.heat {
             self.heat.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, heat)| {
                 let taken = columns.coefficient[i] * at.temperature[i];
-                *heat = taken - columns.coefficient[i] * (columns.temperature[i] + columns.mobility[i] * taken);
+                *heat =
+                    taken - columns.coefficient[i] * (columns.temperature[i] + columns.mobility[i] * taken);
             });
             let total: f64 = self.heat.iter().sum();
             let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();

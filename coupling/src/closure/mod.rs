@@ -130,7 +130,8 @@ impl HeatTransfer {
 
     /// hA / V, W/m3/K: Nu k/d times the surface per volume of a sphere, 6/d.
     pub fn coefficient(self, around: &Surroundings, fluid: &ThermalFluid, g: VoidageFunction) -> f64 {
-        self.nusselt(around, fluid.prandtl, g) * fluid.conductivity * 6.0 / (around.diameter * around.diameter)
+        self.nusselt(around, fluid.prandtl, g) * fluid.conductivity * 6.0
+            / (around.diameter * around.diameter)
     }
 }
 
@@ -171,9 +172,11 @@ mod tests {
         // Steady bed of set I: eps dp/dx = phi gamma/V w, w = U/eps; Ergun (1952) for dp/dx.
         let (eps, speed) = (0.45, 0.3);
         let x = around(speed / eps, eps);
-        let gradient = (1.0 - eps) / eps * Drag::Gidaspow.coefficient(&x, VoidageFunction::None) * speed / eps;
+        let gradient =
+            (1.0 - eps) / eps * Drag::Gidaspow.coefficient(&x, VoidageFunction::None) * speed / eps;
         let phi: f64 = 1.0 - eps;
-        let ergun = 150.0 * phi * phi * 2e-5 * speed / (eps.powi(3) * 1e-6) + 1.75 * phi * 1.2 * speed * speed / (eps.powi(3) * 1e-3);
+        let ergun = 150.0 * phi * phi * 2e-5 * speed / (eps.powi(3) * 1e-6)
+            + 1.75 * phi * 1.2 * speed * speed / (eps.powi(3) * 1e-3);
         assert_relative_eq!(gradient, ergun, max_relative = 1e-12);
     }
 
@@ -184,7 +187,8 @@ mod tests {
         for k in 0..=400 {
             let reynolds = 15.0 * (8500.0f64 / 15.0).powf(k as f64 / 400.0);
             let x = around(reynolds * 2e-5 / (1.2 * 1e-3 * 0.45), 0.45);
-            let ratio = HeatTransfer::Henry.nusselt(&x, 0.7, VoidageFunction::Henry) / HeatTransfer::Wakao.nusselt(&x, 0.7, VoidageFunction::None);
+            let ratio = HeatTransfer::Henry.nusselt(&x, 0.7, VoidageFunction::Henry)
+                / HeatTransfer::Wakao.nusselt(&x, 0.7, VoidageFunction::None);
             (low, high) = (low.min(ratio - 1.0), high.max(ratio - 1.0));
         }
         assert_relative_eq!(low, -0.074, epsilon = 2e-3);

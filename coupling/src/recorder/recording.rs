@@ -26,6 +26,11 @@ pub struct Due {
 }
 
 impl Due {
+    /// Whether what is due shows nodal fields of the fluid.
+    pub fn needs_fields(&self) -> bool {
+        self.series || self.frame
+    }
+
     /// Whether anything but a checkpoint is due, so that [`Recording::record`] needs a view.
     pub fn any(&self) -> bool {
         self.series || self.frame || self.average

@@ -21,7 +21,7 @@ pub struct GrainView<'a, const D: usize> {
     pub velocity: &'a [SVector<f64, D>],
     /// Radii, m.
     pub radius: &'a [f64],
-    /// Masses, kg (kg per m of depth in the plane).
+    /// Masses, kg (kg per m of depth in the plane); infinite where a grain is held in place.
     pub mass: &'a [f64],
     /// Solid volumes, m3 (m2 in the plane).
     pub volume: &'a [f64],
@@ -47,10 +47,10 @@ pub struct FluidView<'a, const D: usize> {
 }
 
 impl<const D: usize> GrainView<'_, D> {
-    /// Mean over the mass of the grains.
+    /// Mean over the solid volume of the grains.
     pub fn mean(&self, value: impl Fn(usize) -> f64) -> f64 {
-        let mass: f64 = self.mass.iter().sum();
-        self.mass.iter().enumerate().map(|(i, mass)| mass * value(i)).sum::<f64>() / mass
+        let volume: f64 = self.volume.iter().sum();
+        self.volume.iter().enumerate().map(|(i, volume)| volume * value(i)).sum::<f64>() / volume
     }
 
     /// Named quantities for the time series.
@@ -61,7 +61,10 @@ impl<const D: usize> GrainView<'_, D> {
         let mut readings = vec![
             ("mean_grain_height_m", self.mean(|i| self.position[i][D - 1])),
             ("max_grain_speed_m_per_s", speed),
-            (unit, self.mass.iter().zip(self.velocity).map(energy).sum()),
+            (
+                unit,
+                self.mass.iter().zip(self.velocity).filter(|(mass, _)| mass.is_finite()).map(energy).sum(),
+            ),
         ];
         if let Some(temperature) = self.temperature {
             readings.push(("mean_grain_temperature_K", self.mean(|i| temperature[i])));
@@ -105,9 +108,6 @@ impl<const D: usize> FluidView<'_, D> {
     pub(super) fn readings(&self) -> Vec<(&'static str, f64)> {
         let speed = self.velocity.iter().map(|velocity| velocity.norm()).fold(0.0, f64::max);
         let mut readings = vec![("max_fluid_speed_m_per_s", speed)];
-        if let Some(voidage) = self.voidage {
-            readings.push(("min_voidage", voidage.iter().copied().fold(f64::INFINITY, f64::min)));
-        }
         if let Some(temperature) = self.temperature {
             readings
                 .push(("min_fluid_temperature_K", temperature.iter().copied().fold(f64::INFINITY, f64::min)));

@@ -1,8 +1,8 @@
 //! The tables of the fluid, its boundaries, and its coupling to the grains.
 
 use super::Coordinates;
-pub use crate::closure::{Drag as DragLaw, HeatTransfer as HeatLaw, VoidageFunction};
-pub use crate::scheme::SchemeName;
+use crate::closure::{Drag, HeatTransfer, VoidageFunction};
+use crate::scheme::SchemeName;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -187,21 +187,22 @@ pub struct Coupling {
     /// Coupling scheme: `"henry"` (predicted velocity with the last contact force), `"henry-free"` (without it) or
     /// `"explicit"`. Default `"henry"`.
     pub scheme: SchemeName,
-    /// Drag law. Default `"dallavalle"`.
-    pub drag: DragLaw,
+    /// Drag law: `"dallavalle"` (times the voidage function) or `"gidaspow"`. Default `"dallavalle"`.
+    pub drag: Drag,
     /// Voidage function of drag and heat: `"henry"`, `"henry-interstitial"`, `"di-felice"`, `"migflow"` or `"none"`.
     /// Default `"henry"`.
     pub voidage_function: VoidageFunction,
-    /// Law of the heat that grains and fluid exchange. Default `"henry"` when both have a temperature, else none.
+    /// Law of the heat that grains and fluid exchange: `"henry"` (times the voidage function), `"gunn"`,
+    /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub heat: Option<HeatLaw>,
+    pub heat: Option<HeatTransfer>,
 }
 
 impl Default for Coupling {
     fn default() -> Self {
         Coupling {
             scheme: SchemeName::Henry,
-            drag: DragLaw::Dallavalle,
+            drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,
             heat: None,
         }

@@ -2,7 +2,8 @@
 
 use super::edit::edit;
 use super::origin::{Origin, Place, SceneError, Segment, join};
-use super::{Amount, Contacts, Coupling, HeatLaw, MeshSource, Placement, Scene, check, schema};
+use super::{Amount, Contacts, Coupling, MeshSource, Placement, Scene, check, schema};
+use crate::closure::HeatTransfer;
 use crate::error::{Error, Result};
 use serde::Deserialize;
 use std::fs;
@@ -57,7 +58,7 @@ impl Scene {
             if self.fluid.is_some() {
                 let coupling = self.coupling.get_or_insert_with(Coupling::default);
                 if heat {
-                    coupling.heat.get_or_insert(HeatLaw::Henry);
+                    coupling.heat.get_or_insert(HeatTransfer::Henry);
                 }
             }
         }

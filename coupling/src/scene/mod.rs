@@ -16,8 +16,8 @@ mod schema;
 mod tests;
 
 pub use fluid::{
-    Boundary, Coupling, DragLaw, Flow, Fluid, FluidHeat, FluidSolver, HeatBoundary, HeatLaw, LinearMethod,
-    MeshSource, SchemeName, ThinCell, ThinCellHeat, VoidageFunction,
+    Boundary, Coupling, Flow, Fluid, FluidHeat, FluidSolver, HeatBoundary, LinearMethod, MeshSource,
+    ThinCell, ThinCellHeat,
 };
 pub use grains::{
     Amount, Arrangement, Cohesion, Conduction, Contacts, Deposit, Grains, GrainsFile, Lattice, Material,

@@ -1,9 +1,10 @@
 //! Checks of materials, grains, walls and contacts.
 
 use super::{Checked, coordinates, corners, distinct, fail, known, not_negative, positive, within};
+use crate::Error;
 use crate::scene::{Amount, Grains, Lattice, Material, MeshSource, Motion, Placement, Radius, Scene, Wall};
 use std::path::Path;
-use voidage_dem::{Vector, packing::read_table};
+use voidage_dem::{Particles, Vector, packing::read_table};
 
 pub(super) fn check(scene: &Scene) -> Checked {
     for (name, material) in &scene.materials {
@@ -320,4 +321,33 @@ fn distance_to_wall(wall: &Wall, x: f64, y: f64) -> f64 {
     let along = ((x - ax) * bx + (y - ay) * by) / (bx * bx + by * by);
     let along = along.clamp(0.0, 1.0);
     (x - ax - along * bx).hypot(y - ay - along * by)
+}
+
+impl Scene {
+    /// Checks that no two grains overlap once all groups have been placed, and that no wall cuts one. Placement keeps the
+    /// grains of a group apart; this is about groups and walls. The error points at the group.
+    pub(crate) fn check_apart(&self, grains: &Particles<2>) -> Result<(), Error> {
+        let path = |grain: usize| format!("grains[{}].placement", grains.material[grain]);
+        let number =
+            |grain: usize| format!("at ({:.6}, {:.6})", grains.position[grain].x, grains.position[grain].y);
+        if let Some((a, b, overlap)) = overlapping(&grains.position, &grains.radius) {
+            let message = format!(
+                "`{}`: the grain {} overlaps that {} of `{}` by {overlap:.3e} m",
+                path(b),
+                number(b),
+                number(a),
+                path(a)
+            );
+            return Err(self.error(&path(b), message, "keep groups of grains apart"));
+        }
+        for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
+            let cuts = |wall: &&Wall| distance_to_wall(wall, at.x, at.y) < radius * (1.0 - OVERLAP);
+            if let Some(wall) = self.walls.iter().find(cuts) {
+                let message =
+                    format!("`{}`: the grain {} overlaps the wall \"{}\"", path(i), number(i), wall.name);
+                return Err(self.error(&path(i), message, "place grains off the walls"));
+            }
+        }
+        Ok(())
+    }
 }
