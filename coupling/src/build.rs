@@ -23,13 +23,17 @@ use voidage_fluid::{Mesh, Vector};
 /// boundary that the mesh lacks.
 pub fn coupled(scene: &Scene) -> Result<Coupled<2>> {
     if scene.dimension() != 2 {
-        return Err(Error::Input("scenes in space (3D) are not built yet; give `gravity` two numbers".into()));
+        return Err(Error::Input(
+            "scenes in space (3D) are not built yet; give `gravity` two numbers".into(),
+        ));
     }
     let grains = if scene.grains.is_empty() { None } else { Some(grains(scene)?) };
     let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid)).transpose()?;
     let coupling = scene.coupling.clone().unwrap_or_default();
     let interaction = match (&grains, &fluid, &scene.fluid) {
-        (Some(grains), Some(fluid), Some(described)) => Some(interaction(&coupling, grains, fluid, described)?),
+        (Some(grains), Some(fluid), Some(described)) => {
+            Some(interaction(&coupling, grains, fluid, described)?)
+        }
         _ => None,
     };
     Ok(Coupled::new(grains, fluid, interaction, coupling.scheme.build()))
@@ -41,10 +45,11 @@ fn interaction(
     fluid: &Fluid<2>,
     described: &scene::Fluid,
 ) -> Result<Interaction<2>> {
-    let thermal = described.heat.as_ref().filter(|_| grains.particles.heat.is_some()).map(|heat| ThermalFluid {
-        conductivity: heat.conductivity,
-        prandtl: heat.heat_capacity * described.viscosity / heat.conductivity,
-    });
+    let thermal =
+        described.heat.as_ref().filter(|_| grains.particles.heat.is_some()).map(|heat| ThermalFluid {
+            conductivity: heat.conductivity,
+            prandtl: heat.heat_capacity * described.viscosity / heat.conductivity,
+        });
     let laws = Laws {
         drag: coupling.drag,
         voidage_function: coupling.voidage_function,
@@ -82,12 +87,17 @@ fn grains(scene: &Scene) -> Result<Dem<2>> {
         };
         materials.push(material(described, group.solidity));
         let mut placed = place(scene, group, k, &materials)?;
-        if let Some(velocity) = &group.velocity {
+        // Columns of a file go before the values of the group.
+        if let Some(velocity) =
+            group.velocity.as_ref().filter(|_| placed.velocity.iter().all(|v| v.norm() == 0.0))
+        {
             placed.velocity.fill(velocity.vector());
         }
         if let Some(temperature) = group.temperature {
-            let placed = placed.clone().heated(temperature, &materials)?;
-            let own = placed.heat.unwrap_or_default();
+            let own = match placed.heat.take() {
+                Some(heat) => heat,
+                None => placed.clone().heated(temperature, &materials)?.heat.unwrap_or_default(),
+            };
             heat.temperature.extend(own.temperature);
             heat.capacity.extend(own.capacity);
         }
@@ -99,6 +109,7 @@ fn grains(scene: &Scene) -> Result<Dem<2>> {
     if scene.grains_have_heat() {
         all.heat = Some(heat);
     }
+    scene.check_apart(&all)?;
     let contacts = scene.contacts.clone().unwrap_or_default();
     if contacts.rotation {
         all = all.rotating();
@@ -149,23 +160,33 @@ fn place(scene: &Scene, group: &scene::Grains, k: usize, materials: &[Material])
         materials,
         seed,
     };
-    Ok(match &group.placement {
+    let placed = match &group.placement {
         scene::Placement::Deposit(d) => {
             let region = region(&d.lower, &d.upper);
-            packing::deposit(&region, &fill(d.seed), &packing::Deposit::default())?.particles
+            packing::deposit(&region, &fill(d.seed), &packing::Deposit::default()).map(|bed| bed.particles)
         }
         scene::Placement::Lattice(l) => {
             let kind = match l.arrangement {
                 scene::Arrangement::Square => packing::Lattice::Square,
                 scene::Arrangement::Triangular => packing::Lattice::Triangular,
             };
-            packing::lattice(&region(&l.lower, &l.upper), kind, l.spacing, &fill(l.seed))?
+            packing::lattice(&region(&l.lower, &l.upper), kind, l.spacing, &fill(l.seed))
         }
-        scene::Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed))?,
-        scene::Placement::Csv(file) => {
-            packing::read_table(&scene.origin.folder().join(&file.file), k as u8, materials)?
+        scene::Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed)),
+        scene::Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
+    };
+    let path = format!("grains[{k}].placement");
+    let grains = placed.map_err(|error| {
+        scene.error(&path, format!("`{path}`: {error}"), "change the box, the amount or the radius")
+    })?;
+    match group.amount {
+        scene::Amount::Count(count) if grains.len() < count => {
+            let path = format!("grains[{k}].amount.count");
+            let message = format!("`{path} = {count}`: only {} grains find a place", grains.len());
+            Err(scene.error(&path, message, "make the box larger, or ask for fewer"))
         }
-    })
+        _ => Ok(grains),
+    }
 }
 
 fn wall(scene: &Scene, described: &scene::Wall) -> Result<Wall<2>> {
@@ -173,11 +194,9 @@ fn wall(scene: &Scene, described: &scene::Wall) -> Result<Wall<2>> {
     let motion = match &described.motion {
         None => Motion::Fixed,
         Some(scene::Motion::Velocity(v)) => Motion::Translation { velocity: v.vector() },
-        Some(scene::Motion::Oscillate(o)) => Motion::Oscillation {
-            amplitude: o.amplitude.vector(),
-            frequency: o.frequency,
-            phase: o.phase,
-        },
+        Some(scene::Motion::Oscillate(o)) => {
+            Motion::Oscillation { amplitude: o.amplitude.vector(), frequency: o.frequency, phase: o.phase }
+        }
         Some(scene::Motion::Rotate(r)) => Motion::Rotation { centre: r.centre.vector(), rate: r.rate },
     };
     let wall = Wall::new(described.name.clone(), described.from.vector(), described.to.vector());
@@ -215,10 +234,7 @@ fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {
 // ----------------------------------------------------------------------------------------------- fluid
 
 fn fluid(scene: &Scene, described: &scene::Fluid) -> Result<Fluid<2>> {
-    let mesh: Arc<Mesh<2>> = Arc::new(match &described.mesh {
-        scene::MeshSource::Rectangle(rectangle) => Mesh::rectangle(rectangle)?,
-        scene::MeshSource::File(file) => Mesh::read_msh(&scene.origin.folder().join(file))?,
-    });
+    let mesh = Arc::new(mesh(scene, described)?);
     let conditions: Vec<Condition<2>> = described.boundaries.iter().map(condition).collect();
     let nodes = mesh.points.len();
     let start = State {
@@ -226,11 +242,28 @@ fn fluid(scene: &Scene, described: &scene::Fluid) -> Result<Fluid<2>> {
         pressure: vec![0.0; nodes],
         temperature: described.heat.as_ref().map(|heat| vec![heat.initial_temperature; nodes]),
     };
-    let mut backend =
-        RustFluid::<2, 3>::new(properties(scene, described), heat(described), numerics(described), conditions.clone());
+    let mut backend = RustFluid::<2, 3>::new(
+        properties(scene, described),
+        heat(described),
+        numerics(described),
+        conditions.clone(),
+    );
     backend.start(&mesh, &start)?;
     let nodal_volume = mesh.nodal_volume();
     Ok(Fluid { backend: Box::new(backend), mesh, conditions, ramp: described.ramp, nodal_volume })
+}
+
+fn mesh(scene: &Scene, described: &scene::Fluid) -> Result<Mesh<2>> {
+    let (made, path) = match &described.mesh {
+        scene::MeshSource::Rectangle(rectangle) => (Mesh::rectangle(rectangle), "fluid.mesh.rectangle"),
+        scene::MeshSource::File(file) => (Mesh::read_msh(file), "fluid.mesh.file"),
+    };
+    let mesh = made.map_err(|error| {
+        scene.error(path, format!("`{path}`: {error}"), "give a mesh of triangles with named boundaries")
+    })?;
+    let names: Vec<&str> = mesh.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
+    scene.check_boundary_names(&names)?;
+    Ok(mesh)
 }
 
 fn properties(scene: &Scene, fluid: &scene::Fluid) -> Properties<2> {

@@ -125,11 +125,11 @@ impl Simulation {
     /// Those of [`Coupled::step`], with step and time in front.
     pub fn step(&mut self) -> Result<StepReport> {
         let (step, time) = (self.steps() + 1, self.time());
-        let report = self.coupled.step(self.dt).map_err(|error| {
-            crate::Error::Run(format!("step {step}, from t = {time:.6e} s: {error}"))
-        })?;
+        let report = self
+            .coupled
+            .step(self.dt)
+            .map_err(|error| crate::Error::Run(format!("step {step}, from t = {time:.6e} s: {error}")))?;
         self.last = report;
-        self.fields = None;
         self.totals.add(&report);
         Ok(report)
     }
@@ -169,7 +169,8 @@ impl Simulation {
         View { grains, fluid }
     }
 
-    /// Columns of the series that the view does not show: how the last step went.
+    /// Columns of the series that the view does not show: how the last step went; zeros before the first, so that the columns
+    /// are always the same.
     pub fn readings(&self) -> Vec<(&'static str, f64)> {
         let mut readings = Vec::new();
         let last = &self.last;

@@ -24,6 +24,14 @@ pub(super) fn structure(scene: &Scene) -> Checked {
         let message = format!("`[coupling]` is there, but no {absent}");
         return fail(scene, "coupling", message, format!("add the {absent}, or take `[coupling]` away"));
     }
+    if scene.grains.len() > 256 {
+        return fail(
+            scene,
+            "grains[256]",
+            format!("`grains` has {} groups", scene.grains.len()),
+            "give 256 at most",
+        );
+    }
     if scene.contacts.is_some() && scene.grains.is_empty() {
         return fail(
             scene,
