@@ -245,7 +245,7 @@ impl<const D: usize> Dem<D> {
     fn negligible(&self, h: f64) -> f64 {
         let p = &self.particles;
         let square = |i: usize| (1e-9 * p.radius[i] / h).powi(2) + 1e-24 * p.velocity[i].norm_squared();
-        (0..p.len()).map(|i| p.mass[i] * square(i)).sum()
+        (0..p.len()).filter(|&i| !p.held(i)).map(|i| p.mass[i] * square(i)).sum()
     }
 
     /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.

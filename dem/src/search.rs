@@ -30,8 +30,12 @@ impl<const D: usize> Scene<'_, D> {
     }
 
     /// Velocity after forces, gravity and implicit drag, before contacts: (m v + h (F + m g)) / (m + gamma h).
+    /// A held grain (infinite mass) keeps its velocity.
     pub fn free_velocity(&self, i: usize) -> Vector<D> {
         let p = &self.particles;
+        if p.held(i) {
+            return p.velocity[i];
+        }
         let momentum = (p.velocity[i] + self.settings.gravity * self.h) * p.mass[i];
         let force = self.load.force.get(i).copied().unwrap_or_else(Vector::zeros);
         (momentum + force * self.h) * self.mobility(i)
@@ -185,7 +189,7 @@ impl<const D: usize> Search<D> {
             grid.each_in_tile(tile, |cell, a, others| {
                 let i = grid.order[a] as usize;
                 let range = spread.speed(cell) * scene.h;
-                if others.is_none() && !self.wall_starts.is_empty() {
+                if others.is_none() && !self.wall_starts.is_empty() && !p.held(i) {
                     let walls = self.wall_starts[cell] as usize..self.wall_starts[cell + 1] as usize;
                     near_walls(scene, i, &self.wall_of[walls], range, near);
                     pairs.extend(near.iter().map(|n| [a as u32, WALL + n.wall]));
@@ -193,7 +197,8 @@ impl<const D: usize> Search<D> {
                 for b in others.into_iter().flatten() {
                     let j = grid.order[b] as usize;
                     let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
-                    if (p.position[j] - p.position[i]).norm_squared() < reach * reach {
+                    let near = (p.position[j] - p.position[i]).norm_squared() < reach * reach;
+                    if near && !(p.held(i) && p.held(j)) {
                         pairs.push([a as u32, b as u32]);
                     }
                 }

@@ -220,12 +220,20 @@ pub struct NodalFields<'a, const D: usize> {
 
 impl<const D: usize> AtBodies<D> {
     /// Means of the fields over the pieces of each body.
-    pub fn sample<const B: usize>(&mut self, mesh: &Mesh<D>, pieces: &Pieces<D>, fields: &NodalFields<'_, D>) {
+    pub fn sample<const B: usize>(
+        &mut self,
+        mesh: &Mesh<D>,
+        pieces: &Pieces<D>,
+        fields: &NodalFields<'_, D>,
+    ) {
         let bodies = pieces.bodies();
         self.velocity.resize(bodies, Vector::zeros());
         self.pressure_gradient.resize(bodies, Vector::zeros());
-        (self.velocity.par_iter_mut(), self.pressure_gradient.par_iter_mut()).into_par_iter().enumerate().with_min_len(256).for_each(
-            |(body, (velocity, slope))| {
+        (self.velocity.par_iter_mut(), self.pressure_gradient.par_iter_mut())
+            .into_par_iter()
+            .enumerate()
+            .with_min_len(256)
+            .for_each(|(body, (velocity, slope))| {
                 (*velocity, *slope) = (Vector::zeros(), Vector::zeros());
                 for piece in pieces.of(body) {
                     let phi = pieces.shape::<B>(piece);
@@ -236,13 +244,15 @@ impl<const D: usize> AtBodies<D> {
                         *slope += fields.gradient[cell + a] * (pieces.share[piece] * fields.pressure[node]);
                     }
                 }
-            },
-        );
+            });
         self.temperature.clear();
         if let Some(temperature) = fields.temperature {
             self.temperature.resize(bodies, 0.0);
             self.temperature.par_iter_mut().enumerate().with_min_len(256).for_each(|(body, mean)| {
-                *mean = pieces.of(body).map(|piece| pieces.share[piece] * at_piece(mesh, pieces, piece, temperature)).sum();
+                *mean = pieces
+                    .of(body)
+                    .map(|piece| pieces.share[piece] * at_piece(mesh, pieces, piece, temperature))
+                    .sum();
             });
         }
     }

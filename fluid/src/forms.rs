@@ -194,7 +194,11 @@ fn inertia_and_convection<const D: usize, const B: usize>(
 
 /// <sigma, grad v> with sigma = -p I + eps eta (grad u + grad u^T); the traction on open boundaries is in
 /// [`crate::boundary`].
-fn stress<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, fluid: &Properties<D>, out: &mut Local<B, B>) {
+fn stress<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    out: &mut Local<B, B>,
+) {
     let viscous = fluid.viscosity * cell.voidage_integral();
     let share = cell.element.measure / B as f64;
     let gradient = &cell.element.gradient;
@@ -214,7 +218,11 @@ fn stress<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, fluid: &Propert
 }
 
 /// <gamma_l u, v> - <eps rho g (1 - beta (T - T_R)), v> - <s, v>.
-fn body_forces<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, fluid: &Properties<D>, out: &mut Local<B, B>) {
+fn body_forces<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    out: &mut Local<B, B>,
+) {
     let plain = weighted_mass(cell.element.measure, &[1.0; B]);
     for a in 0..B {
         for i in 0..D {
