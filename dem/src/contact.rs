@@ -29,7 +29,7 @@ pub(crate) struct Contact<const D: usize> {
     pub normal: Vector<D>,
     /// Impulse on the second grain, N s.
     pub impulse: Vector<D>,
-    /// Speed of separation at which the contact lets go: -gap / dt, turned in sign; m/s.
+    /// The contact holds u_n + bias >= 0: gap / dt, m/s.
     pub bias: f64,
     /// 1 / w_n and 1 / w_t, kg.
     pub mass_n: f64,

@@ -64,7 +64,8 @@ pub struct Contact<const D: usize> {
     pub normal: Vector<D>,
     /// Mean force on the other side over the last sub-step, N (per metre of depth).
     pub force: Vector<D>,
-    /// Gap at the start of the last sub-step as the solver saw it, m; negative: overlap.
+    /// What the contact allowed the gap to close by in the last sub-step, m: the gap at its start, or the share of the
+    /// overlap to take back (negative), or less after an impact with restitution.
     pub gap: f64,
 }
 

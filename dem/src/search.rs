@@ -449,7 +449,8 @@ impl<const D: usize> Scene<'_, D> {
         bodies: &crate::bodies::Bodies<D>,
     ) -> Contact<D> {
         let (a, b) = (i as usize, j as usize);
-        let mut bias = gap / self.h;
+        let share = if gap < 0.0 { self.settings.overlap_share } else { 1.0 };
+        let mut bias = share * gap / self.h;
         let free = (bodies.velocity(b) - bodies.velocity(a)).dot(&normal);
         if restitution > 0.0 && before < 0.0 && free + bias < 0.0 {
             bias = bias.min(restitution * before);
