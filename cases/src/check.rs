@@ -48,7 +48,7 @@ fn grains(scene: &Scene) {
                 None => format!("{mass} kg/m"),
             },
             (Amount::Fill, Placement::Csv(csv)) => format!("all of {}", csv.file.display()),
-            (Amount::Fill, _) => "as many as fit".to_owned(),
+            (Amount::Fill, _) => "as many as its place holds".to_owned(),
         };
         let held = if group.fixed { ", held in place" } else { "" };
         line("grains", format!("{amount} of {}{held}", group.material));

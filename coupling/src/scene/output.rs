@@ -16,7 +16,8 @@ pub struct Output {
     /// Time between checkpoints, s. Default: only at the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub checkpoint_interval: Option<f64>,
-    /// Times of further ParaView frames, which `voidage plot` draws as pictures, s. Default: none, only the last is drawn.
+    /// Times of further ParaView frames, which `voidage plot` draws as pictures, s; those after the end are left out.
+    /// Default: none, only the last is drawn.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub snapshots: Vec<f64>,
     /// Time averages of packing fraction and grain velocity on a regular grid. Default: none.

@@ -261,6 +261,10 @@ fn bounds(scene: &Scene) -> Option<([f64; 2], [f64; 2])> {
 /// Share of the smaller radius by which grains of a file may overlap: what rounding in the file does, and a little more.
 const OVERLAP: f64 = 0.02;
 
+/// Share of the radius by which a grain may overlap a wall or a grain of another group once all are placed: settling leaves
+/// small penetrations, a wrong box much more.
+const LEFT_BY_SETTLING: f64 = 0.25;
+
 /// Grains of a file lie inside the fluid, off the walls, and apart. Lines of the file: the header is the first.
 fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
     let material = voidage_dem::Material::default();
@@ -285,7 +289,7 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
             at.y
         ));
     }
-    match overlapping(&grains.position, &grains.radius) {
+    match overlapping(&grains.position, &grains.radius, OVERLAP, |_, _| false) {
         None => Ok(()),
         Some((a, b, overlap)) => Err(format!(
             "{file}, line {}: the grain overlaps that of line {} by {overlap:.3e} m",
@@ -295,8 +299,14 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
     }
 }
 
-/// Two grains that overlap, the first before the second, and by how much; a sweep along x.
-fn overlapping(positions: &[Vector<2>], radii: &[f64]) -> Option<(usize, usize, f64)> {
+/// Two grains that overlap by more than a share of the smaller radius, the first before the second, and by how much; pairs
+/// that are excused do not count. A sweep along x.
+fn overlapping(
+    positions: &[Vector<2>],
+    radii: &[f64],
+    share: f64,
+    excused: impl Fn(usize, usize) -> bool,
+) -> Option<(usize, usize, f64)> {
     let mut order: Vec<usize> = (0..positions.len()).collect();
     order.sort_by(|a, b| positions[*a].x.total_cmp(&positions[*b].x));
     let reach = radii.iter().copied().fold(0.0, f64::max);
@@ -307,7 +317,7 @@ fn overlapping(positions: &[Vector<2>], radii: &[f64]) -> Option<(usize, usize, 
                 break;
             }
             let overlap = radii[a] + radii[b] - between.norm();
-            if overlap > OVERLAP * radii[a].min(radii[b]) {
+            if overlap > share * radii[a].min(radii[b]) && !excused(a, b) {
                 return Some((a.min(b), a.max(b), overlap));
             }
         }
@@ -324,13 +334,16 @@ fn distance_to_wall(wall: &Wall, x: f64, y: f64) -> f64 {
 }
 
 impl Scene {
-    /// Checks that no two grains overlap once all groups have been placed, and that no wall cuts one. Placement keeps the
-    /// grains of a group apart; this is about groups and walls. The error points at the group.
+    /// Checks that grains of different groups do not overlap once all have been placed, and that no wall cuts one (placement
+    /// keeps the grains of a group apart). The error points at the group.
     pub(crate) fn check_apart(&self, grains: &Particles<2>) -> Result<(), Error> {
         let path = |grain: usize| format!("grains[{}].placement", grains.material[grain]);
         let number =
             |grain: usize| format!("at ({:.6}, {:.6})", grains.position[grain].x, grains.position[grain].y);
-        if let Some((a, b, overlap)) = overlapping(&grains.position, &grains.radius) {
+        let one_group = |a: usize, b: usize| grains.material[a] == grains.material[b];
+        if let Some((a, b, overlap)) =
+            overlapping(&grains.position, &grains.radius, LEFT_BY_SETTLING, one_group)
+        {
             let message = format!(
                 "`{}`: the grain {} overlaps that {} of `{}` by {overlap:.3e} m",
                 path(b),
@@ -341,7 +354,7 @@ impl Scene {
             return Err(self.error(&path(b), message, "keep groups of grains apart"));
         }
         for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
-            let cuts = |wall: &&Wall| distance_to_wall(wall, at.x, at.y) < radius * (1.0 - OVERLAP);
+            let cuts = |wall: &&Wall| distance_to_wall(wall, at.x, at.y) < radius * (1.0 - LEFT_BY_SETTLING);
             if let Some(wall) = self.walls.iter().find(cuts) {
                 let message =
                     format!("`{}`: the grain {} overlaps the wall \"{}\"", path(i), number(i), wall.name);

@@ -96,7 +96,7 @@ fn output(scene: &Scene) -> Checked {
         interval.map_or(Ok(()), |interval| positive(scene, path, interval))?;
     }
     for (i, time) in output.snapshots.iter().enumerate() {
-        within(scene, &format!("output.snapshots[{i}]"), *time, 0.0, scene.time.end)?;
+        not_negative(scene, &format!("output.snapshots[{i}]"), *time)?;
     }
     if let Some(average) = &output.average {
         if scene.grains.is_empty() {
