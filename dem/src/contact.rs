@@ -29,7 +29,7 @@ pub(crate) struct Contact<const D: usize> {
     pub normal: Vector<D>,
     /// Impulse on the second grain, N s.
     pub impulse: Vector<D>,
-    /// Speed of separation at which the contact lets go: -gap / dt, turned in sign; m/s.
+    /// The contact holds u_n + bias >= 0: gap / dt, m/s.
     pub bias: f64,
     /// 1 / w_n and 1 / w_t, kg.
     pub mass_n: f64,
@@ -112,10 +112,10 @@ impl<const D: usize> Contact<D> {
 #[inline(always)]
 fn project_cone<const D: usize>(n: &Vector<D>, a: f64, b: Vector<D>, mu: f64) -> Vector<D> {
     let size = b.norm();
-    if size <= mu * a {
-        n * a + b
-    } else if mu * size + a <= 0.0 {
+    if mu * size + a <= 0.0 {
         Vector::zeros()
+    } else if size <= mu * a {
+        n * a + b
     } else {
         // Nearest point on the edge of the cone, along its generator (1, mu) / sqrt(1 + mu^2).
         let s = (a + mu * size) / (1.0 + mu * mu);
@@ -126,6 +126,7 @@ fn project_cone<const D: usize>(n: &Vector<D>, a: f64, b: Vector<D>, mu: f64) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::space::turned;
     use proptest::prelude::*;
 
     fn contact(bias: f64, friction: f64) -> Contact<2> {
@@ -146,6 +147,16 @@ mod tests {
             let u = free + k.normal * (pn / k.mass_n) + (k.impulse - k.normal * pn) / k.mass_t;
             let [error, _] = k.natural_map::<Coulomb<true, true>>(&u, c);
             prop_assert!(error < 1e-28, "{error}");
+        }
+
+        /// An open contact is a solution whatever its speed of separation, also without friction.
+        #[test]
+        fn open_contacts_are_solved(speed in 0.0..1.0f64, slip in -1.0..1.0f64, mu in 0.0..1.0f64) {
+            let k = contact(0.0, mu);
+            let u = k.normal * speed + turned(&k.normal) * slip;
+            let u = if u.dot(&k.normal) < 0.0 { k.normal * speed } else { u };
+            prop_assert_eq!(k.natural_map::<Coulomb<true, false>>(&u, 0.0)[0], 0.0);
+            prop_assert_eq!(k.natural_map::<Frictionless>(&u, 0.0)[0], 0.0);
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::memory::{Memory, WALL};
 use crate::search::{Scene, Search};
 use crate::solver::{Problem, Stopping};
 use crate::walls::Placed;
-use crate::{Load, Material, Particles, Settings, StepReport, Vector, Wall};
+use crate::{Acceleration, Load, Material, Particles, Settings, StepReport, Vector, Wall};
 use serde::{Deserialize, Serialize};
 
 /// Grains, walls and everything that carries over from step to step.
@@ -64,7 +64,8 @@ pub struct Contact<const D: usize> {
     pub normal: Vector<D>,
     /// Mean force on the other side over the last sub-step, N (per metre of depth).
     pub force: Vector<D>,
-    /// Gap at the start of the last sub-step as the solver saw it, m; negative: overlap.
+    /// What the contact allowed the gap to close by in the last sub-step, m: the gap at its start, or the share of the
+    /// overlap to take back (negative), or less after an impact with restitution.
     pub gap: f64,
 }
 
@@ -216,7 +217,8 @@ impl<const D: usize> Dem<D> {
             let stopping = Stopping {
                 tolerance: self.settings.tolerance,
                 max_sweeps: self.settings.max_sweeps,
-                floor: self.rounding(),
+                momentum: self.settings.acceleration == Acceleration::Momentum,
+                floor: self.negligible(h),
             };
             let outcome = problem.solve(&stopping);
             report.sweeps += outcome.sweeps;
@@ -239,11 +241,12 @@ impl<const D: usize> Dem<D> {
         (self.search, self.problem) = (search, problem);
     }
 
-    /// Twice the kinetic energy that rounding of the velocities may hold, J: impulses below it mean nothing.
-    fn rounding(&self) -> f64 {
+    /// Scale below which impulses mean nothing, as twice an energy (J): what carries every grain by 1e-9 of its radius
+    /// in the sub-step, or changes its velocity by 1e-12 of itself.
+    fn negligible(&self, h: f64) -> f64 {
         let p = &self.particles;
-        let energy: f64 = p.mass.iter().zip(&p.velocity).map(|(m, v)| m * v.norm_squared()).sum();
-        energy * 1e-28
+        let square = |i: usize| (1e-9 * p.radius[i] / h).powi(2) + 1e-24 * p.velocity[i].norm_squared();
+        (0..p.len()).filter(|&i| !p.held(i)).map(|i| p.mass[i] * square(i)).sum()
     }
 
     /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.
@@ -305,11 +308,7 @@ impl<const D: usize> Dem<D> {
                 (p.position[j], p.radius[i] + p.radius[j], p.radius[i].min(p.radius[j]))
             } else {
                 let touch = self.search.touches[c.j as usize - n];
-                let wall = &self.placed[touch.wall as usize];
-                let moved = Placed {
-                    points: [wall.points[0] + wall.velocity[0] * h, wall.points[1] + wall.velocity[1] * h],
-                    ..*wall
-                };
+                let moved = self.placed[touch.wall as usize].after(h);
                 (moved.point(moved.nearest(&p.position[i])), p.radius[i], p.radius[i])
             };
             deepest.max((radius - (other - p.position[i]).norm()) / smaller)

@@ -221,9 +221,25 @@ impl<const D: usize> Grid<D> {
         });
     }
 
-    /// Calls `f(coarse cell, slot, slots)` for the slots of one tile with others that they may touch, each pair
-    /// once; and for each slot once with an empty range first.
-    pub fn each_in_tile(&self, tile: usize, mut f: impl FnMut(usize, usize, std::ops::Range<usize>)) {
+    /// Calls `f(slot)` for all slots in the coarsest cells around (and at) a point.
+    pub fn around(&self, x: &Vector<D>, mut f: impl FnMut(usize)) {
+        let home = self.locate(x).map(|q| q >> (self.levels - 1));
+        for level in 0..self.levels {
+            let s = self.levels - 1 - level;
+            let low = std::array::from_fn(|a| (home[a] - 1).max(0) << s);
+            let high = std::array::from_fn(|a| (home[a] + 2).min(self.dims[a]) << s);
+            each_cell(&low, &high, |q| self.slots(self.cell(level, q)).for_each(&mut f));
+        }
+    }
+
+    /// Width of the coarsest cells, m.
+    pub fn width(&self) -> f64 {
+        (1u64 << (self.levels - 1)) as f64 / self.inverse
+    }
+
+    /// Calls `f(coarse cell, slot, Some(slots))` for the slots of one tile with others that they may touch, each
+    /// pair once; and before that `f(coarse cell, slot, None)` once for each slot.
+    pub fn each_in_tile(&self, tile: usize, mut f: impl FnMut(usize, usize, Option<std::ops::Range<usize>>)) {
         let t = self.tiles[tile];
         for level in 0..self.levels {
             let s = self.levels - 1 - level;
@@ -236,10 +252,10 @@ impl<const D: usize> Grid<D> {
                 }
                 let coarse = self.coarse_index(&q.map(|q| q >> s));
                 for a in own.clone() {
-                    f(coarse, a, 0..0);
-                    f(coarse, a, a + 1..own.end);
+                    f(coarse, a, None);
+                    f(coarse, a, Some(a + 1..own.end));
                 }
-                self.others(level, q, |others| own.clone().for_each(|a| f(coarse, a, others.clone())));
+                self.others(level, q, |others| own.clone().for_each(|a| f(coarse, a, Some(others.clone()))));
             });
         }
     }
@@ -320,7 +336,7 @@ mod tests {
         let mut found = vec![];
         for t in 0..grid.tiles.len() {
             grid.each_in_tile(t, |_, a, others| {
-                for b in others {
+                for b in others.into_iter().flatten() {
                     let (i, j) = (grid.order[a] as usize, grid.order[b] as usize);
                     if close(i, j) {
                         found.push((i.min(j), i.max(j)));

@@ -114,7 +114,7 @@ pub struct Particles<const D: usize> {
     pub velocity: Vec<Vector<D>>,
     /// Radii, m.
     pub radius: Vec<f64>,
-    /// Masses, kg (per metre of depth in the plane).
+    /// Masses, kg (per metre of depth in the plane); infinite for a grain that is held: it keeps its velocity.
     pub mass: Vec<f64>,
     /// Solid volumes chi pi r2 (per metre of depth) or chi 4/3 pi r3, m2 or m3.
     pub volume: Vec<f64>,
@@ -169,6 +169,11 @@ impl<const D: usize> Particles<D> {
         Ok(self)
     }
 
+    /// Whether a grain is held: its mass is infinite.
+    pub fn held(&self, i: usize) -> bool {
+        self.mass[i] == f64::INFINITY
+    }
+
     /// Number of grains.
     pub fn len(&self) -> usize {
         self.position.len()
@@ -192,15 +197,14 @@ impl<const D: usize> Particles<D> {
             for (name, vector) in [("position", &self.position[i]), ("velocity", &self.velocity[i])] {
                 vector.iter().try_for_each(|&x| check(x.is_finite(), x, "it must be finite", || at(name)))?;
             }
-            for (name, value) in
-                [("radius", self.radius[i]), ("mass", self.mass[i]), ("volume", self.volume[i])]
-            {
+            for (name, value) in [("radius", self.radius[i]), ("volume", self.volume[i])] {
                 check(good(value), value, "it must be positive", || at(name))?;
             }
+            check(self.mass[i] > 0.0, self.mass[i], "it must be positive", || at("mass"))?;
             let m = self.material[i];
             materials.get(m as usize).ok_or_else(|| unknown_material(m, materials.len()))?;
             if let Some(rotation) = &self.rotation {
-                check(good(rotation.inertia[i]), rotation.inertia[i], "it must be positive", || {
+                check(rotation.inertia[i] > 0.0, rotation.inertia[i], "it must be positive", || {
                     at("inertia")
                 })?;
                 check(rotation.spin[i].is_finite(), rotation.spin[i], "it must be finite", || at("spin"))?;

@@ -9,6 +9,9 @@ use crate::spread::{SKIN, Spread, diagonal};
 use crate::walls::{Placed, Wall};
 use crate::{Load, Material, Particles, Settings};
 
+/// Overlap, as a share of the radius, from which a contact that the search left out repeats the sub-step.
+const MISSED: f64 = 1e-4;
+
 /// What a sub-step starts from.
 pub(crate) struct Scene<'a, const D: usize> {
     pub particles: &'a Particles<D>,
@@ -27,8 +30,12 @@ impl<const D: usize> Scene<'_, D> {
     }
 
     /// Velocity after forces, gravity and implicit drag, before contacts: (m v + h (F + m g)) / (m + gamma h).
+    /// A held grain (infinite mass) keeps its velocity.
     pub fn free_velocity(&self, i: usize) -> Vector<D> {
         let p = &self.particles;
+        if p.held(i) {
+            return p.velocity[i];
+        }
         let momentum = (p.velocity[i] + self.settings.gravity * self.h) * p.mass[i];
         let force = self.load.force.get(i).copied().unwrap_or_else(Vector::zeros);
         (momentum + force * self.h) * self.mobility(i)
@@ -182,15 +189,16 @@ impl<const D: usize> Search<D> {
             grid.each_in_tile(tile, |cell, a, others| {
                 let i = grid.order[a] as usize;
                 let range = spread.speed(cell) * scene.h;
-                if others.is_empty() && !self.wall_starts.is_empty() {
+                if others.is_none() && !self.wall_starts.is_empty() && !p.held(i) {
                     let walls = self.wall_starts[cell] as usize..self.wall_starts[cell + 1] as usize;
                     near_walls(scene, i, &self.wall_of[walls], range, near);
                     pairs.extend(near.iter().map(|n| [a as u32, WALL + n.wall]));
                 }
-                for b in others {
+                for b in others.into_iter().flatten() {
                     let j = grid.order[b] as usize;
                     let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
-                    if (p.position[j] - p.position[i]).norm_squared() < reach * reach {
+                    let near = (p.position[j] - p.position[i]).norm_squared() < reach * reach;
+                    if near && !(p.held(i) && p.held(j)) {
                         pairs.push([a as u32, b as u32]);
                     }
                 }
@@ -261,13 +269,40 @@ impl<const D: usize> Search<D> {
         }
     }
 
-    /// Whether all final velocities keep within what the search assumed.
+    /// Whether no contact was missed: all final velocities keep within what the search assumed, or those
+    /// grains that do not meet nobody on their way.
     pub fn holds(&self, scene: &Scene<D>, problem: &Problem<D>) -> bool {
         let p = scene.particles;
         self.grid.order.iter().enumerate().all(|(slot, &i)| {
             let i = i as usize;
             let cell = self.grid.coarse_of(&p.position[i]);
-            self.spread.allows(cell, &problem.bodies.velocity(slot), p.radius[i], scene.h)
+            let v = problem.bodies.velocity(slot);
+            self.spread.allows(cell, &v, p.radius[i], scene.h) || self.runs_free(scene, problem, i, &v)
+        })
+    }
+
+    /// Whether grain i, at a velocity that the search did not expect, ends the sub-step without overlap with anything
+    /// that was beyond the skin at its start. (What was nearer has a contact.)
+    fn runs_free(&self, scene: &Scene<D>, problem: &Problem<D>, i: usize, v: &Vector<D>) -> bool {
+        let p = scene.particles;
+        let (x, r) = (p.position[i], p.radius[i]);
+        if v.norm() * scene.h > 0.25 * self.grid.width() {
+            return false;
+        }
+        let end = x + v * scene.h;
+        let mut free = true;
+        self.grid.around(&x, |slot| {
+            let j = self.grid.order[slot] as usize;
+            let reach = r + p.radius[j];
+            let there = p.position[j] + problem.bodies.velocity(slot) * scene.h;
+            let overlap = reach - (there - end).norm();
+            let was_far = (p.position[j] - x).norm() > reach * (1.0 + SKIN);
+            free &= !(was_far && overlap > MISSED * r.min(p.radius[j]));
+        });
+        free && scene.placed.iter().all(|wall| {
+            let moved = wall.after(scene.h);
+            let was_far = (wall.point(wall.nearest(&x)) - x).norm() > r * (1.0 + SKIN);
+            !was_far || (moved.point(moved.nearest(&end)) - end).norm() > r * (1.0 - MISSED)
         })
     }
 
@@ -414,7 +449,8 @@ impl<const D: usize> Scene<'_, D> {
         bodies: &crate::bodies::Bodies<D>,
     ) -> Contact<D> {
         let (a, b) = (i as usize, j as usize);
-        let mut bias = gap / self.h;
+        let share = if gap < 0.0 { self.settings.overlap_share } else { 1.0 };
+        let mut bias = share * gap / self.h;
         let free = (bodies.velocity(b) - bodies.velocity(a)).dot(&normal);
         if restitution > 0.0 && before < 0.0 && free + bias < 0.0 {
             bias = bias.min(restitution * before);

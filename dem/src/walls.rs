@@ -168,6 +168,12 @@ impl<const D: usize> Placed<D> {
         self.velocity[0] + (self.velocity[1] - self.velocity[0]) * share
     }
 
+    /// The wall at the end of a sub-step of length `h`.
+    pub fn after(&self, h: f64) -> Self {
+        let points = [self.points[0] + self.velocity[0] * h, self.points[1] + self.velocity[1] * h];
+        Self { points, ..*self }
+    }
+
     /// A unit vector orthogonal to the wall, for a grain whose centre lies on it.
     pub fn side(&self) -> Vector<D> {
         crate::space::turned(&(self.points[1] - self.points[0]).normalize())

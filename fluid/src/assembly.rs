@@ -54,7 +54,10 @@ impl<const K: usize> System<K> {
     /// A system of zeros.
     pub fn new(pattern: Arc<Pattern>) -> Self {
         let (blocks, nodes) = (pattern.columns.len(), pattern.offsets.len() - 1);
-        Self { matrix: BlockMatrix { pattern, values: vec![[[0.0; K]; K]; blocks] }, rhs: vec![0.0; K * nodes] }
+        Self {
+            matrix: BlockMatrix { pattern, values: vec![[[0.0; K]; K]; blocks] },
+            rhs: vec![0.0; K * nodes],
+        }
     }
 
     /// The block of a row and a column that share a cell.
@@ -98,7 +101,8 @@ impl Assembler {
             }
         }
         let threads = rayon::current_num_threads();
-        let parts = (0..threads).map(|k| part::<N>(cells, nodes * k / threads..nodes * (k + 1) / threads)).collect();
+        let parts =
+            (0..threads).map(|k| part::<N>(cells, nodes * k / threads..nodes * (k + 1) / threads)).collect();
         Self { pattern, position, cells: cells.to_vec(), parts }
     }
 
@@ -161,6 +165,7 @@ impl Assembler {
 
 fn part<const N: usize>(cells: &[u32], rows: Range<usize>) -> Part {
     let touches = |cell: &[u32]| cell.iter().any(|&node| rows.contains(&(node as usize)));
-    let cells = cells.chunks_exact(N).enumerate().filter(|(_, cell)| touches(cell)).map(|(k, _)| k as u32).collect();
+    let cells =
+        cells.chunks_exact(N).enumerate().filter(|(_, cell)| touches(cell)).map(|(k, _)| k as u32).collect();
     Part { rows, cells }
 }

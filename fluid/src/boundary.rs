@@ -24,7 +24,8 @@ impl<'a, const D: usize> Facet<'a, D> {
     fn mass(&self, weight: impl Fn(&[f64; 3]) -> f64, mut f: impl FnMut(u32, u32, f64)) {
         for a in 0..D {
             for b in 0..D {
-                let sum: f64 = facet_rule::<D>().iter().map(|(phi, share)| share * phi[a] * phi[b] * weight(phi)).sum();
+                let sum: f64 =
+                    facet_rule::<D>().iter().map(|(phi, share)| share * phi[a] * phi[b] * weight(phi)).sum();
                 f(self.nodes[a], self.nodes[b], self.measure * sum);
             }
         }
@@ -198,7 +199,11 @@ pub fn add_heat<const D: usize>(
 }
 
 /// Puts prescribed temperatures into the energy equation, in the order of the scene.
-pub fn apply_temperatures<const D: usize>(mesh: &Mesh<D>, conditions: &[Condition<D>], system: &mut System<1>) {
+pub fn apply_temperatures<const D: usize>(
+    mesh: &Mesh<D>,
+    conditions: &[Condition<D>],
+    system: &mut System<1>,
+) {
     for condition in conditions {
         if let HeatCondition::Temperature(value) = condition.heat {
             for nodes in facets(mesh, &condition.boundary) {

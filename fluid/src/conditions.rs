@@ -108,7 +108,10 @@ pub fn check<const D: usize>(mesh: &Mesh<D>, conditions: &[Condition<D>]) -> Res
 }
 
 /// Facets of a part of the boundary: nodes and the cell behind.
-pub fn facets<'a, const D: usize>(mesh: &'a Mesh<D>, name: &str) -> impl Iterator<Item = &'a [u32]> + use<'a, D> {
+pub fn facets<'a, const D: usize>(
+    mesh: &'a Mesh<D>,
+    name: &str,
+) -> impl Iterator<Item = &'a [u32]> + use<'a, D> {
     let part = mesh.boundaries.iter().find(|b| b.name == name);
     part.into_iter().flat_map(|part| part.facets.chunks_exact(D))
 }

@@ -162,12 +162,17 @@ mod tests {
 
     #[test]
     fn gradients_of_a_tetrahedron_reproduce_a_linear_field() {
-        let corner: [Vector<3>; 4] = [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.2, 1.3, 0.1], [0.0, 0.2, 0.9]].map(Vector::from);
+        let corner: [Vector<3>; 4] =
+            [[0.1, 0.0, 0.2], [1.0, 0.1, 0.0], [0.2, 1.3, 0.1], [0.0, 0.2, 0.9]].map(Vector::from);
         let element = Element::<3, 4>::new(corner);
         let slope = Vector::<3>::new(2.0, -1.0, 0.5);
         let value = corner.map(|x| slope.dot(&x) + 3.0);
         assert_relative_eq!(element.gradient_of(&value), slope, epsilon = 1e-13);
-        let edges = SMatrix::<f64, 3, 3>::from_columns(&[corner[1] - corner[0], corner[2] - corner[0], corner[3] - corner[0]]);
+        let edges = SMatrix::<f64, 3, 3>::from_columns(&[
+            corner[1] - corner[0],
+            corner[2] - corner[0],
+            corner[3] - corner[0],
+        ]);
         assert_relative_eq!(element.measure, edges.determinant() / 6.0, epsilon = 1e-14);
     }
 

@@ -158,6 +158,8 @@ pub struct CellExchange<const D: usize, const B: usize> {
     pub force: [Vector<D>; B],
     /// sum s V b.
     pub volume_flux: Vector<D>,
+    /// sum s V phi_a phi_b.
+    pub solid: [[f64; B]; B],
     total_drag: f64,
 }
 
@@ -173,6 +175,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
             diffusion: 0.0,
             force: [Vector::zeros(); B],
             volume_flux: Vector::zeros(),
+            solid: [[0.0; B]; B],
             total_drag: 0.0,
         };
         for (piece, body) in pieces {
@@ -189,6 +192,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
                 sum.force[a] += load.velocity[body] * (share * gamma * phi[a]);
                 for b in 0..B {
                     sum.drag[a][b] += slip * phi[a] * phi[b];
+                    sum.solid[a][b] += share * volume * phi[a] * phi[b];
                 }
             }
         }
@@ -216,12 +220,20 @@ pub struct NodalFields<'a, const D: usize> {
 
 impl<const D: usize> AtBodies<D> {
     /// Means of the fields over the pieces of each body.
-    pub fn sample<const B: usize>(&mut self, mesh: &Mesh<D>, pieces: &Pieces<D>, fields: &NodalFields<'_, D>) {
+    pub fn sample<const B: usize>(
+        &mut self,
+        mesh: &Mesh<D>,
+        pieces: &Pieces<D>,
+        fields: &NodalFields<'_, D>,
+    ) {
         let bodies = pieces.bodies();
         self.velocity.resize(bodies, Vector::zeros());
         self.pressure_gradient.resize(bodies, Vector::zeros());
-        (self.velocity.par_iter_mut(), self.pressure_gradient.par_iter_mut()).into_par_iter().enumerate().with_min_len(256).for_each(
-            |(body, (velocity, slope))| {
+        (self.velocity.par_iter_mut(), self.pressure_gradient.par_iter_mut())
+            .into_par_iter()
+            .enumerate()
+            .with_min_len(256)
+            .for_each(|(body, (velocity, slope))| {
                 (*velocity, *slope) = (Vector::zeros(), Vector::zeros());
                 for piece in pieces.of(body) {
                     let phi = pieces.shape::<B>(piece);
@@ -232,13 +244,15 @@ impl<const D: usize> AtBodies<D> {
                         *slope += fields.gradient[cell + a] * (pieces.share[piece] * fields.pressure[node]);
                     }
                 }
-            },
-        );
+            });
         self.temperature.clear();
         if let Some(temperature) = fields.temperature {
             self.temperature.resize(bodies, 0.0);
             self.temperature.par_iter_mut().enumerate().with_min_len(256).for_each(|(body, mean)| {
-                *mean = pieces.of(body).map(|piece| pieces.share[piece] * at_piece(mesh, pieces, piece, temperature)).sum();
+                *mean = pieces
+                    .of(body)
+                    .map(|piece| pieces.share[piece] * at_piece(mesh, pieces, piece, temperature))
+                    .sum();
             });
         }
     }

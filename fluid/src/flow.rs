@@ -254,7 +254,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             for piece in load.pieces.of(body) {
                 let phi = load.pieces.shape::<B>(piece);
                 let cell = load.pieces.cell[piece] as usize * B;
-                let (mut velocity, mut slope, mut temperature) = (Vector::<D>::zeros(), Vector::<D>::zeros(), 0.0);
+                let (mut velocity, mut slope, mut temperature) =
+                    (Vector::<D>::zeros(), Vector::<D>::zeros(), 0.0);
                 for a in 0..B {
                     let node = self.mesh.cells[cell + a] as usize;
                     velocity += self.next.velocity[node] * phi[a];
@@ -262,11 +263,13 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                     temperature += self.next.temperature.as_ref().map_or(0.0, |t| t[node] * phi[a]);
                 }
                 let share = load.pieces.share[piece];
-                let slip = velocity * (1.0 - mobility * gamma) - load.velocity[body] + slope * (mobility * volume);
+                let slip =
+                    velocity * (1.0 - mobility * gamma) - load.velocity[body] + slope * (mobility * volume);
                 force += (slip * gamma - slope * volume) * share;
                 if let Some(columns) = &load.heat {
                     let coefficient = columns.coefficient[body];
-                    let slip = temperature * (1.0 - columns.mobility[body] * coefficient) - columns.temperature[body];
+                    let slip = temperature * (1.0 - columns.mobility[body] * coefficient)
+                        - columns.temperature[body];
                     heat += share * coefficient * slip;
                 }
             }
@@ -307,7 +310,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 voidage: node.map(|n| voidage[n]),
                 velocity: node.map(|n| state.velocity[n]),
                 old: node.map(|n| old[n]),
-                exchange: bodies.and_then(|(pieces, columns)| CellHeat::gather(pieces, &columns, sorted, cell)),
+                exchange: bodies
+                    .and_then(|(pieces, columns)| CellHeat::gather(pieces, &columns, sorted, cell)),
                 source: sources.map(|s| node.map(|n| s.heat[n])),
             };
             transport::assemble(&cell, scalar, dt, out);
@@ -359,7 +363,14 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     ) -> Result<()> {
         self.assemble_flow(iteration, dt, voidage, exchange);
         let velocity = &self.state.velocity;
-        boundary::add_flow(&self.mesh, conditions, self.properties.density, voidage, velocity, &mut self.system);
+        boundary::add_flow(
+            &self.mesh,
+            conditions,
+            self.properties.density,
+            voidage,
+            velocity,
+            &mut self.system,
+        );
         conditions::holds(&self.mesh, conditions, voidage, &mut self.holds);
         boundary::apply_holds(&self.holds, &mut self.system);
         let closed = !conditions.iter().any(|c| matches!(c.flow, FlowCondition::Open { .. }));
@@ -385,7 +396,13 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         Ok(())
     }
 
-    fn assemble_flow(&mut self, iteration: usize, dt: f64, voidage: &[f64], exchange: Option<&Exchange<'_, D>>) {
+    fn assemble_flow(
+        &mut self,
+        iteration: usize,
+        dt: f64,
+        voidage: &[f64],
+        exchange: Option<&Exchange<'_, D>>,
+    ) {
         let (mesh, elements, sorted, fluid) = (&self.mesh, &self.elements, &self.sorted, &self.properties);
         let old = &self.state.velocity;
         let at = if iteration == 0 { old } else { &self.next.velocity };
@@ -396,7 +413,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let element = elements[k];
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
-            let exchange = exchange.and_then(|load| CellExchange::gather(load, sorted, k));
+            let bodies = exchange.and_then(|load| CellExchange::gather(load, sorted, k));
             let solid_divergence = match flux.is_empty() {
                 true => 0.0,
                 false => (0..B).map(|a| flux[node[a]].dot(&element.gradient[a])).sum(),
@@ -404,14 +421,18 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let lightness = buoyancy.map_or([1.0; B], |(heat, temperature)| {
                 node.map(|n| 1.0 - heat.properties.expansion * (temperature[n] - heat.properties.reference))
             });
+            let weight = match exchange {
+                Some(_) => forms::fluid_weight(element.measure, &lightness, bodies.as_ref()),
+                None => std::array::from_fn(|a| (0..B).map(|b| mass[a][b] * lightness[b]).sum()),
+            };
             let cell = forms::Cell {
                 element,
                 voidage,
                 old: node.map(|n| old[n]),
                 at: node.map(|n| at[n]),
-                lightness,
+                weight,
                 solid_divergence,
-                exchange: exchange.as_ref(),
+                exchange: bodies.as_ref(),
                 source: sources.map(|s| (node.map(|n| s.momentum[n]), node.map(|n| s.mass[n]))),
                 mass,
                 load,

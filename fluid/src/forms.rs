@@ -51,8 +51,8 @@ pub struct Cell<'a, const D: usize, const B: usize> {
     pub old: [Vector<D>; B],
     /// Velocity about which convection is linearised, m/s.
     pub at: [Vector<D>; B],
-    /// 1 - beta (T - T_R) at the nodes; 1 without heat.
-    pub lightness: Lightness<B>,
+    /// Weight of the fluid at the nodes over rho g, int eps (1 - beta (T - T_R)) phi_a; see [`fluid_weight`].
+    pub weight: [f64; B],
     /// Divergence of the nodal solid flux phi v of the last accepted state, 1/s.
     pub solid_divergence: f64,
     /// The immersed bodies in the cell.
@@ -119,6 +119,25 @@ impl<const D: usize> Stabilisation<D> {
     }
 }
 
+/// Integrals of eps l phi_a for the P1 field l = 1 - beta (T - T_R).
+///
+/// With bodies, eps is one less their pieces, exactly as in the pressure force V grad p on them: then a fluid
+/// at rest between bodies held fast, grad p = rho g, solves the discrete equations. The nodal voidage here
+/// would leave forces of the order of rho g times its variation, and currents in liquids.
+pub fn fluid_weight<const D: usize, const B: usize>(
+    measure: f64,
+    lightness: &Lightness<B>,
+    bodies: Option<&CellExchange<D, B>>,
+) -> [f64; B] {
+    let mut weight = weighted_load(measure, lightness);
+    if let Some(bodies) = bodies {
+        for a in 0..B {
+            weight[a] -= (0..B).map(|b| bodies.solid[a][b] * lightness[b]).sum::<f64>();
+        }
+    }
+    weight
+}
+
 /// Matrix and right-hand side of the cell.
 pub fn assemble<const D: usize, const B: usize>(
     cell: &Cell<'_, D, B>,
@@ -175,7 +194,11 @@ fn inertia_and_convection<const D: usize, const B: usize>(
 
 /// <sigma, grad v> with sigma = -p I + eps eta (grad u + grad u^T); the traction on open boundaries is in
 /// [`crate::boundary`].
-fn stress<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, fluid: &Properties<D>, out: &mut Local<B, B>) {
+fn stress<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    out: &mut Local<B, B>,
+) {
     let viscous = fluid.viscosity * cell.voidage_integral();
     let share = cell.element.measure / B as f64;
     let gradient = &cell.element.gradient;
@@ -195,12 +218,15 @@ fn stress<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, fluid: &Propert
 }
 
 /// <gamma_l u, v> - <eps rho g (1 - beta (T - T_R)), v> - <s, v>.
-fn body_forces<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, fluid: &Properties<D>, out: &mut Local<B, B>) {
+fn body_forces<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    out: &mut Local<B, B>,
+) {
     let plain = weighted_mass(cell.element.measure, &[1.0; B]);
     for a in 0..B {
-        let weight: f64 = (0..B).map(|b| cell.mass[a][b] * cell.lightness[b]).sum();
         for i in 0..D {
-            out.rhs[a][i] += fluid.density * fluid.gravity[i] * weight;
+            out.rhs[a][i] += fluid.density * fluid.gravity[i] * cell.weight[a];
         }
         if let Some((momentum, mass)) = &cell.source {
             for b in 0..B {
@@ -270,12 +296,11 @@ fn momentum_residual<const D: usize, const B: usize>(
     let voidage_slope = cell.element.gradient_of(&cell.voidage);
     let mut carried = Vector::<D>::zeros();
     let mut old = Vector::<D>::zeros();
-    let mut weight = 0.0;
     for a in 0..B {
         carried += cell.at[a] * cell.load[a];
         old += cell.old[a] * cell.load[a];
-        weight += cell.lightness[a] * cell.load[a];
     }
+    let weight: f64 = cell.weight.iter().sum();
     let mut rhs = (old / dt + slope * carried + fluid.gravity * weight) * rho;
     if let Some((momentum, _)) = &cell.source {
         rhs += momentum.iter().sum::<Vector<D>>() * (measure / B as f64);

@@ -86,7 +86,12 @@ impl<const B: usize> CellHeat<B> {
 }
 
 /// Matrix and right-hand side of the cell.
-pub fn assemble<const D: usize, const B: usize>(cell: &Cell<D, B>, scalar: &Scalar, dt: f64, out: &mut Local<B, 1>) {
+pub fn assemble<const D: usize, const B: usize>(
+    cell: &Cell<D, B>,
+    scalar: &Scalar,
+    dt: f64,
+    out: &mut Local<B, 1>,
+) {
     *out = Local::default();
     let measure = cell.element.measure;
     let gradient = &cell.element.gradient;

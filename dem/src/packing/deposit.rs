@@ -11,7 +11,8 @@ use rand_pcg::Pcg64;
 pub struct Deposit {
     /// Coefficient of friction while settling, between grains and at walls; 0 gives the densest beds. None: that of the materials.
     pub friction: Option<f64>,
-    /// The bed is at rest when no grain is faster than this share of the speed that it gains by falling its diameter.
+    /// The bed is at rest when the root mean square of the velocities is below this share of the speed that a grain gains by
+    /// falling its diameter.
     pub rest: f64,
     /// Steps at most.
     pub max_steps: usize,
@@ -19,7 +20,7 @@ pub struct Deposit {
 
 impl Default for Deposit {
     fn default() -> Self {
-        Self { friction: None, rest: 0.01, max_steps: 20_000 }
+        Self { friction: None, rest: 0.02, max_steps: 5_000 }
     }
 }
 
@@ -32,7 +33,7 @@ pub struct Settled {
     pub time: f64,
     /// Steps taken.
     pub steps: usize,
-    /// Largest remaining speed, m/s.
+    /// Root mean square of the remaining velocities, m/s.
     pub speed: f64,
     /// Whether the bed came to rest within the steps allowed.
     pub at_rest: bool,
@@ -50,20 +51,21 @@ pub fn deposit(region: &Region<2>, fill: &Fill<'_>, how: &Deposit) -> Result<Set
         .iter()
         .map(|m| Material { restitution: 0.0, friction: how.friction.unwrap_or(m.friction), ..m.clone() })
         .collect();
-    let settings = Settings::<2> { tolerance: 1e-3, max_sweeps: 100, ..Settings::default() };
+    let settings = Settings::<2> { max_sweeps: 200, ..Settings::default() };
     let gravity = settings.gravity.norm();
     let friction = materials[fill.material as usize].friction;
     let walls = container(region, &particles, friction);
     let mut dem = Dem::new(particles, walls, materials, settings)?;
-    // A step in which a falling grain gains a quarter of the speed sqrt(2 g d): resolves the settling of rows.
+    // A step in which a falling grain gains a tenth of the speed sqrt(2 g d): resolves the settling of rows.
     let fall = (4.0 * gravity * largest).sqrt();
-    let dt = 0.25 * fall / gravity;
+    let dt = 0.1 * fall / gravity;
     let mut settled =
         Settled { particles: Particles::default(), time: 0.0, steps: 0, speed: f64::MAX, at_rest: false };
     while settled.steps < how.max_steps && !settled.at_rest {
         dem.step(dt, &Load::default());
         settled.steps += 1;
-        settled.speed = dem.particles.velocity.iter().fold(0.0, |a: f64, v| a.max(v.norm()));
+        let sum: f64 = dem.particles.velocity.iter().map(|v| v.norm_squared()).sum();
+        settled.speed = (sum / dem.particles.len().max(1) as f64).sqrt();
         settled.at_rest = settled.speed < how.rest * fall && settled.steps > 4;
     }
     settled.time = dem.time();

@@ -192,7 +192,9 @@ pub(crate) fn subtract_product<T: Scalar>(
     pivots: usize,
     upper: &[T],
     update: &mut [T],
+    replace: bool,
 ) {
+    let accumulate = if replace { Accum::Replace } else { Accum::Add };
     let size = rows - pivots;
     if size == 0 || pivots == 0 {
         return;
@@ -202,7 +204,7 @@ pub(crate) fn subtract_product<T: Scalar>(
         let columns = update.len() / size;
         matmul(
             MatMut::from_column_major_slice_mut(update, size, columns),
-            Accum::Add,
+            accumulate,
             lower,
             MatRef::from_column_major_slice(upper, pivots, columns),
             -T::ONE,

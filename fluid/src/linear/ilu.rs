@@ -20,8 +20,7 @@ pub(crate) struct Ilu<const B: usize> {
     diagonals: Vec<u32>,
     /// Blocks, `values[position][column][row]`; the diagonal ones are inverted.
     values: Vec<Block<B>>,
-    row: Vec<[f64; B]>,
-    column: Vec<[f64; B]>,
+    scale: Vec<[f64; B]>,
     x: Vec<[f32; B]>,
     /// Where the row at hand has each column, or `NONE`.
     places: Vec<u32>,
@@ -55,19 +54,14 @@ impl<const B: usize> Ilu<B> {
         }
         let values = vec![[[0.0; B]; B]; columns.len()];
         let (x, places) = (vec![[0.0; B]; nodes], vec![NONE; nodes]);
-        let (row, column) = (Vec::new(), Vec::new());
-        Self { order, offsets, columns, sources, diagonals, values, row, column, x, places }
+        let scale = Vec::new();
+        Self { order, offsets, columns, sources, diagonals, values, scale, x, places }
     }
 
     /// Factors a matrix, row by row: A_ik becomes L_ik = A_ik U_kk^-1, and A_ij -= L_ik U_kj where
     /// the pattern has (i, j).
     pub fn factor(&mut self, matrix: &BlockMatrix<B>, scaling: &Scaling) {
-        let permute = |to: &mut Vec<[f64; B]>, from: &[f64]| {
-            to.clear();
-            to.extend(self.order.iter().map(|&node| from.as_chunks::<B>().0[node as usize]));
-        };
-        permute(&mut self.row, &scaling.row);
-        permute(&mut self.column, &scaling.column);
+        scaling.permuted(&self.order, &mut self.scale);
         for i in 0..self.order.len() {
             let (start, diagonal, end) = self.row_of(i);
             for at in start..end {
@@ -75,7 +69,7 @@ impl<const B: usize> Ilu<B> {
                 let block = &matrix.values[self.sources[at] as usize];
                 for (c, entries) in self.values[at].iter_mut().enumerate() {
                     for (r, entry) in entries.iter_mut().enumerate() {
-                        *entry = (block[r][c] * self.row[i][r] * self.column[column][c]) as f32;
+                        *entry = (block[r][c] * self.scale[i][r] * self.scale[column][c]) as f32;
                     }
                 }
                 self.places[column] = at as u32;
@@ -110,7 +104,7 @@ impl<const B: usize> Preconditioner for Ilu<B> {
         let r = r.as_chunks::<B>().0;
         let z = z.as_chunks_mut::<B>().0;
         let scaled = |i: usize, node: u32| -> [f64; B] {
-            std::array::from_fn(|c| r[node as usize][c] * self.row[i][c])
+            std::array::from_fn(|c| r[node as usize][c] * self.scale[i][c])
         };
         // Scaled to largest entry one, so that single precision neither overflows nor underflows.
         let mut largest = 0.0f64;
@@ -136,7 +130,7 @@ impl<const B: usize> Preconditioner for Ilu<B> {
             let mut x = [0.0; B];
             subtract_times(&mut x, &self.values[diagonal], &sum.map(|x| -x));
             self.x[i] = x;
-            z[node as usize] = std::array::from_fn(|c| x[c] as f64 * self.column[i][c] * largest);
+            z[node as usize] = std::array::from_fn(|c| x[c] as f64 * self.scale[i][c] * largest);
         }
     }
 }

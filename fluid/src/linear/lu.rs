@@ -55,12 +55,12 @@ impl SparseLu {
         let mut next = 0;
         for node in 0..matrix.pattern.nodes() {
             for r in 0..B {
-                let row = scaling.row[B * node + r];
+                let row = scaling.factors[B * node + r];
                 for position in matrix.pattern.range(node) {
                     let other = matrix.pattern.columns[position] as usize;
                     for c in 0..B {
                         self.values[next] =
-                            row * matrix.values[position][r][c] * scaling.column[B * other + c];
+                            row * matrix.values[position][r][c] * scaling.factors[B * other + c];
                         next += 1;
                     }
                 }
@@ -80,7 +80,7 @@ impl SparseLu {
 
 impl Preconditioner for SparseLu {
     fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        for ((z, r), scale) in z.iter_mut().zip(r).zip(&self.scaling.row) {
+        for ((z, r), scale) in z.iter_mut().zip(r).zip(&self.scaling.factors) {
             *z = r * scale;
         }
         let unknowns = z.len();
@@ -90,7 +90,7 @@ impl Preconditioner for SparseLu {
             Par::Seq,
             MemStack::new(&mut self.memory),
         );
-        for (z, scale) in z.iter_mut().zip(&self.scaling.column) {
+        for (z, scale) in z.iter_mut().zip(&self.scaling.factors) {
             *z *= scale;
         }
     }

@@ -28,9 +28,8 @@ pub(crate) struct Multifrontal<T, const B: usize> {
     factors: Vec<T>,
     swaps: Vec<u32>,
     work: Vec<T>,
-    /// Row and column factors in the order of elimination.
-    row: Vec<[f64; B]>,
-    column: Vec<[f64; B]>,
+    /// Factors of rows and columns in the order of elimination.
+    scale: Vec<[f64; B]>,
     /// Right-hand side and solution in the order of elimination.
     x: Vec<T>,
     /// What each front sends to, or gets from, the nodes of its ancestors.
@@ -53,8 +52,7 @@ impl<T: Scalar, const B: usize> Multifrontal<T, B> {
             factors: vec![T::default(); factors],
             swaps: vec![0; pivots],
             work: vec![T::default(); work],
-            row: Vec::new(),
-            column: Vec::new(),
+            scale: Vec::new(),
             x: vec![T::default(); pivots],
             y: vec![T::default(); rows],
         }
@@ -62,15 +60,8 @@ impl<T: Scalar, const B: usize> Multifrontal<T, B> {
 
     /// Factors a matrix.
     pub fn factor(&mut self, matrix: &BlockMatrix<B>, scaling: &Scaling) {
-        let order = &self.symbolic.order;
-        let permute = |to: &mut Vec<[f64; B]>, from: &[f64]| {
-            let from = from.as_chunks::<B>().0;
-            to.clear();
-            to.extend(order.iter().map(|&node| from[node as usize]));
-        };
-        permute(&mut self.row, &scaling.row);
-        permute(&mut self.column, &scaling.column);
-        let task = Factorisation { symbolic: &self.symbolic, matrix, row: &self.row, column: &self.column };
+        scaling.permuted(&self.symbolic.order, &mut self.scale);
+        let task = Factorisation { symbolic: &self.symbolic, matrix, scale: &self.scale };
         let memory = Memory { factors: &mut self.factors, swaps: &mut self.swaps, work: &mut self.work };
         task.subtree(self.symbolic.root(), memory);
     }
@@ -80,8 +71,7 @@ impl<T: Scalar, const B: usize> Multifrontal<T, B> {
 struct Factorisation<'a, const B: usize> {
     symbolic: &'a Symbolic,
     matrix: &'a BlockMatrix<B>,
-    row: &'a [[f64; B]],
-    column: &'a [[f64; B]],
+    scale: &'a [[f64; B]],
 }
 
 impl<const B: usize> Factorisation<'_, B> {
@@ -103,7 +93,10 @@ impl<const B: usize> Factorisation<'_, B> {
         let (panel, upper) = factors.split_at_mut(pivots * (pivots + rows));
         panel.fill(T::default());
         upper.fill(T::default());
-        update.fill(T::default());
+        let is_leaf = front.children.is_empty();
+        if !is_leaf {
+            update.fill(T::default());
+        }
         self.add_entries(front, panel, upper);
         let mut waiting = 0;
         for &child in &front.children {
@@ -121,7 +114,7 @@ impl<const B: usize> Factorisation<'_, B> {
         }
         factor_panel(panel, pivots + rows, pivots, swaps);
         solve_upper_rows(panel, pivots + rows, pivots, swaps, upper);
-        subtract_product(panel, pivots + rows, pivots, upper, update);
+        subtract_product(panel, pivots + rows, pivots, upper, update, is_leaf);
     }
 
     /// One child after the other; their update matrices stay in the memory one behind the other.
@@ -165,7 +158,7 @@ impl<const B: usize> Factorisation<'_, B> {
         };
         for entry in &front.entries {
             let block = &self.matrix.values[entry.position as usize];
-            let (row, column) = (&self.row[rank(entry.row)], &self.column[rank(entry.column)]);
+            let (row, column) = (&self.scale[rank(entry.row)], &self.scale[rank(entry.column)]);
             let (to, height, first) = if (entry.column as usize) < front.pivots {
                 (&mut *panel, size, B * entry.column as usize)
             } else {
@@ -219,7 +212,7 @@ impl<T: Scalar, const B: usize> Preconditioner for Multifrontal<T, B> {
         let order = &self.symbolic.order;
         // Scaled to largest entry one, so that single precision neither overflows nor underflows.
         let mut largest = 0.0f64;
-        for (&node, row) in order.iter().zip(&self.row) {
+        for (&node, row) in order.iter().zip(&self.scale) {
             for (r, row) in r[node as usize].iter().zip(row) {
                 largest = largest.max((r * row).abs());
             }
@@ -227,7 +220,7 @@ impl<T: Scalar, const B: usize> Preconditioner for Multifrontal<T, B> {
         if largest == 0.0 {
             return z.as_flattened_mut().fill(0.0);
         }
-        for ((x, &node), row) in self.x.as_chunks_mut::<B>().0.iter_mut().zip(order).zip(&self.row) {
+        for ((x, &node), row) in self.x.as_chunks_mut::<B>().0.iter_mut().zip(order).zip(&self.scale) {
             for ((x, r), row) in x.iter_mut().zip(&r[node as usize]).zip(row) {
                 *x = T::from_f64(r * row / largest);
             }
@@ -236,7 +229,7 @@ impl<T: Scalar, const B: usize> Preconditioner for Multifrontal<T, B> {
         let root = self.symbolic.root();
         solution.forward::<B>(root, At::default(), &mut self.x, &mut self.y);
         solution.backward::<B>(root, At::default(), &mut self.x, &mut self.y);
-        for ((x, &node), column) in self.x.as_chunks::<B>().0.iter().zip(order).zip(&self.column) {
+        for ((x, &node), column) in self.x.as_chunks::<B>().0.iter().zip(order).zip(&self.scale) {
             for ((z, x), column) in z[node as usize].iter_mut().zip(x).zip(column) {
                 *z = x.to_f64() * column * largest;
             }

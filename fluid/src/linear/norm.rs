@@ -19,16 +19,25 @@ pub(crate) struct Norm {
 }
 
 impl Norm {
-    /// Computes the weights for a right-hand side.
-    pub fn update<const B: usize>(&mut self, matrix: &BlockMatrix<B>, scaling: &Scaling, rhs: &[f64]) {
+    /// Computes the weights for a right-hand side. False if the matrix or the right-hand side has
+    /// an entry that is not finite: such an entry meets every product of |A||w b|.
+    pub fn update<const B: usize>(
+        &mut self,
+        matrix: &BlockMatrix<B>,
+        scaling: &Scaling,
+        rhs: &[f64],
+    ) -> bool {
         self.weights.clear();
-        self.weights.extend(scaling.row.iter().zip(&scaling.column).map(|(row, column)| row * column));
+        self.weights.extend(scaling.factors.iter().map(|d| d * d));
         self.guess.clear();
         self.guess.extend(self.weights.iter().zip(rhs).map(|(w, b)| w * b));
         self.scratch.resize(rhs.len(), 0.0);
         matrix.multiply_magnitudes(&self.guess, &mut self.scratch);
         let of_rhs = component_norms::<B>(&self.weights, rhs);
         let of_terms = component_norms::<B>(&self.weights, &self.scratch);
+        if of_rhs.iter().chain(&of_terms).any(|norm| !norm.is_finite()) {
+            return false;
+        }
         let mut references: [f64; B] = std::array::from_fn(|c| of_rhs[c].max(TERMS * of_terms[c]));
         // A component that nothing drives is judged by the largest reference, if only to avoid 0/0.
         let largest = references.iter().fold(0.0f64, |a, &b| a.max(b));
@@ -40,6 +49,7 @@ impl Norm {
                 *weight /= reference;
             }
         }
+        true
     }
 
     /// The relative residual of x: the largest quotient over the components.

@@ -1,102 +1,74 @@
-//! Equilibration: row and column factors that bring all equations and unknowns to one size.
+//! Scaling that brings equations and unknowns of different units to one size.
 
 use super::matrix::BlockMatrix;
 use crate::{Error, Result};
 
-/// Passes of the iteration below. A saddle-point system with drag over eight orders of magnitude
-/// is within a factor of four of equilibrium after three.
-const PASSES: usize = 4;
-
-/// Factors with which diag(row) A diag(column) has rows and columns of largest entry about one.
+/// Factors d with which D A D has diagonal entries of about one: d_i = |a_ii|^(-1/2).
 ///
-/// Ruiz' iteration: divide each row and each column by the root of its largest entry, and repeat.
-/// On a node block [a g; g' c] of momentum and continuity its fixed point is row = column,
-/// `column_u = a^(-1/2)`, `column_p = min(a^(1/2) / g, c^(-1/2))`: velocities and pressures meet in
-/// one unit whatever the drag in `a` is. The factors are powers of two, so that scaling is exact.
+/// That also bounds the rest here. Stabilisation makes the pressure entry c of a node as large as
+/// elimination of the velocity would: with a ~ rho h^2/dt, g ~ h for gradient and divergence and c ~ dt/rho
+/// (time step), or a ~ eta and c ~ h^2/eta (viscosity), g / (a c)^(1/2) is of size one, and drag
+/// in `a` only makes it smaller. So velocities and pressures meet in one unit whatever the drag is.
+/// The factors are powers of two, so that scaling is exact.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scaling {
-    pub row: Vec<f64>,
-    pub column: Vec<f64>,
-    row_largest: Vec<f64>,
-    column_largest: Vec<f64>,
+    /// The same for the rows and the columns, one positive number per unknown.
+    pub factors: Vec<f64>,
 }
 
 impl Scaling {
-    /// Computes the factors of a matrix. An error if an entry is not finite, or if a row or a
-    /// column has no entry: then the matrix is singular.
+    /// Computes the factors of a matrix. An error if a row or a column has no entry: then the
+    /// matrix is singular.
     pub fn update<const B: usize>(&mut self, matrix: &BlockMatrix<B>) -> Result<()> {
-        let unknowns = matrix.unknowns();
-        self.row.clear();
-        self.row.resize(unknowns, 1.0);
-        self.column.clear();
-        self.column.resize(unknowns, 1.0);
-        for pass in 0..PASSES {
-            self.largest(matrix);
-            if pass == 0 {
-                self.check::<B>()?;
-            }
-            for (factor, largest) in self.row.iter_mut().zip(&self.row_largest) {
-                *factor /= largest.sqrt();
-            }
-            for (factor, largest) in self.column.iter_mut().zip(&self.column_largest) {
-                *factor /= largest.sqrt();
+        self.factors.resize(matrix.unknowns(), 1.0);
+        let mut complete = true;
+        for (node, factors) in self.factors.as_chunks_mut::<B>().0.iter_mut().enumerate() {
+            let block = &matrix.values[matrix.pattern.diagonal(node)];
+            for (c, factor) in factors.iter_mut().enumerate() {
+                let size = block[c][c].abs();
+                complete &= size != 0.0;
+                *factor = if size.is_normal() { power_of_two_below(1.0 / size.sqrt()) } else { 1.0 };
             }
         }
-        for factor in self.row.iter_mut().chain(&mut self.column) {
-            *factor = power_of_two_below(*factor);
-        }
-        Ok(())
+        if complete { Ok(()) } else { self.scale_by_neighbours(matrix) }
     }
 
-    /// Largest entries of the rows and columns of the scaled matrix.
-    fn largest<const B: usize>(&mut self, matrix: &BlockMatrix<B>) {
-        self.row_largest.clear();
-        self.row_largest.resize(matrix.unknowns(), 0.0);
-        self.column_largest.clear();
-        self.column_largest.resize(matrix.unknowns(), 0.0);
-        let (row, column) = (self.row.as_chunks::<B>().0, self.column.as_chunks::<B>().0);
-        let row_largest = self.row_largest.as_chunks_mut::<B>().0;
-        let column_largest = self.column_largest.as_chunks_mut::<B>().0;
-        for node in 0..matrix.pattern.nodes() {
-            let mut in_row = [0.0f64; B];
-            for position in matrix.pattern.range(node) {
-                let other = matrix.pattern.columns[position] as usize;
-                for (r, entries) in matrix.values[position].iter().enumerate() {
-                    for (c, entry) in entries.iter().enumerate() {
-                        let size = entry.abs() * row[node][r] * column[other][c];
-                        // Unlike f64::max this carries NaN on.
-                        if size > in_row[r] || size.is_nan() {
-                            in_row[r] = size;
-                        }
-                        column_largest[other][c] = column_largest[other][c].max(size);
+    /// The factors of each node, in another order of the nodes.
+    pub fn permuted<const B: usize>(&self, order: &[u32], permuted: &mut Vec<[f64; B]>) {
+        let factors = self.factors.as_chunks::<B>().0;
+        permuted.clear();
+        permuted.extend(order.iter().map(|&node| factors[node as usize]));
+    }
+
+    /// Unknowns without diagonal entry, like a pressure without stabilisation: brings the largest entry of
+    /// their row or column to one.
+    fn scale_by_neighbours<const B: usize>(&mut self, matrix: &BlockMatrix<B>) -> Result<()> {
+        let pattern = &matrix.pattern;
+        let transposed = pattern.transposed_positions();
+        let old = self.factors.clone();
+        let old = old.as_chunks::<B>().0;
+        for node in 0..pattern.nodes() {
+            let diagonal = matrix.values[pattern.diagonal(node)];
+            for c in (0..B).filter(|&c| diagonal[c][c] == 0.0) {
+                let (mut in_row, mut in_column) = (0.0f64, 0.0f64);
+                for position in pattern.range(node) {
+                    let other = &old[pattern.columns[position] as usize];
+                    let mirror = &matrix.values[transposed[position] as usize];
+                    for (k, other) in other.iter().enumerate() {
+                        in_row = in_row.max((matrix.values[position][c][k] * other).abs());
+                        in_column = in_column.max((mirror[k][c] * other).abs());
                     }
                 }
-            }
-            row_largest[node] = in_row;
-        }
-    }
-
-    fn check<const B: usize>(&self) -> Result<()> {
-        let place = |unknown: usize| format!("component {} of node {}", unknown % B, unknown / B);
-        for (unknown, &largest) in self.row_largest.iter().enumerate() {
-            if !largest.is_finite() {
-                let place = place(unknown);
-                return Err(Error::Linear(format!("the matrix is not finite in the equation of {place}")));
-            }
-            if largest == 0.0 {
-                let place = place(unknown);
-                return Err(Error::Linear(format!(
-                    "the matrix is singular: no entry in the equation of {place}"
-                )));
+                if in_row == 0.0 || in_column == 0.0 {
+                    let what = if in_row == 0.0 { "the equation" } else { "the column" };
+                    return Err(Error::Linear(format!(
+                        "the matrix is singular: {what} of component {c} of node {node} is empty"
+                    )));
+                }
+                self.factors[B * node + c] = power_of_two_below(1.0 / in_row.max(in_column));
             }
         }
-        match self.column_largest.iter().position(|&largest| largest == 0.0) {
-            Some(unknown) => {
-                let place = place(unknown);
-                Err(Error::Linear(format!("the matrix is singular: no equation contains {place}")))
-            }
-            None => Ok(()),
-        }
+        Ok(())
     }
 }
 

@@ -100,11 +100,10 @@ impl<const B: usize> Solver<B> {
         );
         assert_eq!(rhs.len(), matrix.unknowns(), "length of the right-hand side");
         assert_eq!(x.len(), matrix.unknowns(), "length of the solution");
-        if !is_finite(rhs) {
-            return Err(Error::Linear("the right-hand side is not finite".into()));
-        }
         self.scaling.update(matrix)?;
-        self.norm.update(matrix, &self.scaling, rhs);
+        if !self.norm.update(matrix, &self.scaling, rhs) {
+            return Err(Error::Linear("the matrix or the right-hand side is not finite".into()));
+        }
         if !is_finite(x) || rhs.iter().all(|&b| b == 0.0) {
             x.fill(0.0);
         }
@@ -144,54 +143,67 @@ impl<const B: usize> Solver<B> {
         report: &mut Report,
     ) -> Result<()> {
         let options = self.options;
-        self.kept = matches!(attempt, Attempt::Kept | Attempt::Single);
-        report.factored |= attempt != Attempt::Kept;
-        let iterations = match attempt {
-            Attempt::Kept => 3 * options.refactor_after / 2,
-            Attempt::Ilu => options.max_iterations,
-            _ => REFINEMENTS,
+        let (method, iterations) = match attempt {
+            Attempt::Kept => (Method::Multifrontal, 3 * options.refactor_after / 2),
+            Attempt::Single => (Method::Multifrontal, REFINEMENTS),
+            Attempt::Double => (Method::MultifrontalFresh, REFINEMENTS),
+            Attempt::Ilu => (Method::Ilu, options.max_iterations),
+            Attempt::Lu => (Method::Lu, REFINEMENTS),
         };
         let limits = Limits { tolerance: options.tolerance, iterations, restart: options.restart };
-        let preconditioner: &mut dyn Preconditioner = match attempt {
-            Attempt::Kept => self.factors.single.as_mut().expect("kept factors exist"),
-            Attempt::Single => {
-                report.method = Method::Multifrontal;
-                let symbolic = self.factors.symbolic(&self.pattern, &self.directions);
-                let single = self.factors.single.get_or_insert_with(|| Multifrontal::new(symbolic));
-                single.factor(matrix, &self.scaling);
-                single
-            }
-            Attempt::Double => {
-                report.method = Method::MultifrontalFresh;
-                let symbolic = self.factors.symbolic(&self.pattern, &self.directions);
-                let double = self.factors.double.get_or_insert_with(|| Multifrontal::new(symbolic));
-                double.factor(matrix, &self.scaling);
-                double
-            }
-            Attempt::Ilu => {
-                let ilu = self.factors.ilu.get_or_insert_with(|| Ilu::new(&self.pattern));
-                ilu.factor(matrix, &self.scaling);
-                ilu
-            }
-            Attempt::Lu => {
-                report.method = Method::Lu;
-                let lu = match &mut self.factors.lu {
-                    Some(lu) => lu,
-                    empty => empty.insert(SparseLu::new::<B>(&self.pattern)?),
-                };
-                lu.factor(matrix, &self.scaling)?;
-                lu
-            }
-        };
-        let iterations = self.gmres.solve(matrix, &self.norm.weights, rhs, x, preconditioner, limits);
+        let factors = self.factors.get(attempt, matrix, &self.scaling, &self.directions)?;
+        let iterations = self.gmres.solve(matrix, &self.norm.weights, rhs, x, factors, limits);
+        report.method = method;
+        report.factored |= attempt != Attempt::Kept;
         report.iterations += iterations;
         report.residual = self.norm.residual(matrix, rhs, x);
-        self.kept &= iterations <= options.refactor_after && report.residual <= options.tolerance;
+        self.kept = matches!(attempt, Attempt::Kept | Attempt::Single)
+            && iterations <= options.refactor_after
+            && report.residual <= options.tolerance;
         Ok(())
     }
 }
 
 impl<const B: usize> Factors<B> {
+    /// The factors for an attempt, made of the matrix unless kept ones are wanted.
+    fn get(
+        &mut self,
+        attempt: Attempt,
+        matrix: &BlockMatrix<B>,
+        scaling: &Scaling,
+        directions: &[Vec<f64>],
+    ) -> Result<&mut dyn Preconditioner> {
+        let pattern = &matrix.pattern;
+        match attempt {
+            Attempt::Kept => Ok(self.single.as_mut().expect("kept factors exist")),
+            Attempt::Single => {
+                let symbolic = self.symbolic(pattern, directions);
+                let single = self.single.get_or_insert_with(|| Multifrontal::new(symbolic));
+                single.factor(matrix, scaling);
+                Ok(single)
+            }
+            Attempt::Double => {
+                let symbolic = self.symbolic(pattern, directions);
+                let double = self.double.get_or_insert_with(|| Multifrontal::new(symbolic));
+                double.factor(matrix, scaling);
+                Ok(double)
+            }
+            Attempt::Ilu => {
+                let ilu = self.ilu.get_or_insert_with(|| Ilu::new(pattern));
+                ilu.factor(matrix, scaling);
+                Ok(ilu)
+            }
+            Attempt::Lu => {
+                let lu = match &mut self.lu {
+                    Some(lu) => lu,
+                    empty => empty.insert(SparseLu::new::<B>(pattern)?),
+                };
+                lu.factor(matrix, scaling)?;
+                Ok(lu)
+            }
+        }
+    }
+
     fn symbolic(&mut self, pattern: &Pattern, directions: &[Vec<f64>]) -> Arc<Symbolic> {
         let make = || {
             let dissection = dissect(pattern, directions, LEAF.div_ceil(B));

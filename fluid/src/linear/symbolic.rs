@@ -58,8 +58,10 @@ pub(crate) struct Symbolic {
     pub fronts: Vec<Front>,
 }
 
-/// Operations below which a subtree is not given to another thread.
+/// A subtree may get a task of its own if it has at least this many operations ..
 const FORK_FLOPS: f64 = 2e7;
+/// .. and at least this part of all: tasks that run at the same time need memory of their own.
+const FORK_PART: f64 = 1.0 / 32.0;
 
 /// A child is merged into its parent only if it has at most this number of pivots, in scalars ..
 const MERGE_PIVOTS: usize = 32;
@@ -193,9 +195,11 @@ impl Symbolic {
     }
 
     fn add_totals(&mut self, block: usize) {
+        let all: f64 =
+            self.fronts.iter().map(|front| flops(block * front.pivots, block * front.rows.len())).sum();
+        let fork_above = FORK_FLOPS.max(FORK_PART * all);
         for number in 0..self.fronts.len() {
             let front = &self.fronts[number];
-            let (s, r) = ((block * front.pivots) as f64, (block * front.rows.len()) as f64);
             let (pivots, rows) = (block * front.pivots, block * front.rows.len());
             let mut totals = Totals {
                 fronts: 1,
@@ -203,12 +207,12 @@ impl Symbolic {
                 rows,
                 factors: pivots * (pivots + 2 * rows),
                 work: 0,
-                flops: s * s * s * (2.0 / 3.0) + 2.0 * s * s * r + 2.0 * s * r * r,
+                flops: flops(pivots, rows),
             };
             let own = rows * rows;
             let of_children: Vec<Totals> =
                 front.children.iter().map(|&child| self.fronts[child as usize].subtree).collect();
-            let forks = of_children.iter().filter(|child| child.flops > FORK_FLOPS).count() > 1;
+            let forks = of_children.iter().filter(|child| child.flops > fork_above).count() > 1;
             // The update matrices of the children wait at the beginning of their memory.
             let mut waiting = 0;
             for (child, &number) in of_children.iter().zip(&front.children) {
@@ -226,6 +230,12 @@ impl Symbolic {
             self.fronts[number].forks = forks;
         }
     }
+}
+
+/// Operations of a front.
+fn flops(pivots: usize, rows: usize) -> f64 {
+    let (s, r) = (pivots as f64, rows as f64);
+    s * s * s * (2.0 / 3.0) + 2.0 * s * s * r + 2.0 * s * r * r
 }
 
 /// Number of blocks in a front without its update matrix.
