@@ -33,7 +33,7 @@ enum Command {
     Check {
         /// Scene file (TOML).
         scene: PathBuf,
-        /// Change a key of the scene: grains[0].radius.constant=5e-4 (may be repeated).
+        /// Change a key of the scene: `grains[0].radius.constant=5e-4` (may be repeated).
         #[arg(long = "set", value_name = "KEY=VALUE")]
         sets: Vec<String>,
     },

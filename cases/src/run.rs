@@ -21,7 +21,7 @@ pub struct Options {
     /// Folder of results. Default: `out/` and the name of the scene.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Change a key of the scene: fluid.boundaries.inflow.flow.superficial_velocity=[0,1.2] (may be repeated).
+    /// Change a key of the scene: `fluid.boundaries.inflow.flow.superficial_velocity=[0,1.2]` (may be repeated).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
     /// Go on from a checkpoint of this scene.

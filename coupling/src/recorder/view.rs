@@ -57,14 +57,13 @@ impl<const D: usize> GrainView<'_, D> {
     pub(super) fn readings(&self) -> Vec<(&'static str, f64)> {
         let speed = self.velocity.iter().map(|velocity| velocity.norm()).fold(0.0, f64::max);
         let energy = |(mass, velocity): (&f64, &SVector<f64, D>)| 0.5 * mass * velocity.norm_squared();
+        let free = self.mass.iter().zip(self.velocity).filter(|(mass, _)| mass.is_finite());
         let unit = if D == 2 { "grain_kinetic_energy_J_per_m" } else { "grain_kinetic_energy_J" };
         let mut readings = vec![
             ("mean_grain_height_m", self.mean(|i| self.position[i][D - 1])),
             ("max_grain_speed_m_per_s", speed),
-            (
-                unit,
-                self.mass.iter().zip(self.velocity).filter(|(mass, _)| mass.is_finite()).map(energy).sum(),
-            ),
+            // Held grains have an infinite mass and no energy. (An empty `sum` would be -0.)
+            (unit, free.map(energy).fold(0.0, |sum, energy| sum + energy)),
         ];
         if let Some(temperature) = self.temperature {
             readings.push(("mean_grain_temperature_K", self.mean(|i| temperature[i])));

@@ -2,7 +2,7 @@
 
 use super::edit::edit;
 use super::origin::{Origin, Place, SceneError, Segment, join};
-use super::{Amount, Contacts, Coupling, MeshSource, Placement, Scene, check, schema};
+use super::{Contacts, Coupling, MeshSource, Placement, Scene, check, schema};
 use crate::closure::HeatTransfer;
 use crate::error::{Error, Result};
 use serde::Deserialize;
@@ -113,14 +113,6 @@ impl Scene {
     /// the scene (a mesh, say).
     pub fn error(&self, path: &str, message: impl Into<String>, help: impl Into<String>) -> Error {
         self.origin.error(path, message, help).into()
-    }
-
-    /// The number of grains that the scene asks for where it says so (`None` where the placement decides).
-    pub fn count_of(&self, group: usize) -> Option<usize> {
-        match self.grains.get(group)?.amount {
-            Amount::Count(count) => Some(count),
-            Amount::Mass(_) | Amount::Fill => None,
-        }
     }
 }
 

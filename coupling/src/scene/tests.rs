@@ -27,3 +27,74 @@ fn every_case_is_a_valid_scene() {
         assert_eq!(scene.hash().unwrap(), again.hash().unwrap());
     }
 }
+
+const GRAIN: &str = r#"
+gravity = [0.0, -9.81]
+time = { step = 1e-3, end = 1.0 }
+materials.glass = { density = 2500.0 }
+grains = [{ material = "glass", radius = { constant = 1e-3 }, placement = { lattice = { lower = [0, 0], upper = [1, 1] } } }]
+"#;
+
+fn parse(sets: &[&str]) -> Result<Scene, Box<SceneError>> {
+    let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+    Scene::parse(Path::new("grain.toml"), GRAIN, &sets)
+}
+
+#[test]
+fn absent_tables_are_parts_that_are_off_and_defaults_are_filled_in() {
+    let scene = parse(&[]).unwrap();
+    assert!(scene.fluid.is_none() && scene.coupling.is_none() && !scene.grains_have_heat());
+    assert_eq!(scene.contacts.unwrap().tolerance, 1e-4);
+    assert_eq!(scene.grains[0].solidity, 1.0);
+}
+
+#[test]
+fn options_set_values_by_path_number_and_variant() {
+    let scene = parse(&[
+        "title=two words",
+        "grains.0.solidity=0.5",
+        "grains[0].radius.uniform=[1e-3, 2e-3]",
+        "materials.steel.density=7800",
+        "grains[0].material=steel",
+        "contacts.rotation=false",
+    ]);
+    let scene = scene.unwrap();
+    assert_eq!(scene.title, "two words");
+    assert_eq!(scene.grains[0].solidity, 0.5);
+    assert_eq!(scene.grains[0].radius, Some(Radius::Uniform([1e-3, 2e-3])));
+    assert_eq!(scene.materials["steel"].density, 7800.0);
+    assert!(!scene.contacts.unwrap().rotation);
+}
+
+#[test]
+fn errors_know_their_place() {
+    let error = parse(&["grains[0].solidity=2"]).unwrap_err();
+    assert_eq!(error.place, Place::Set("grains[0].solidity=2".to_owned()));
+    let text = GRAIN.replace("1e-3 }", "-1e-3 }");
+    let error = Scene::parse(Path::new("grain.toml"), &text, &[]).unwrap_err();
+    let Place::File { span, line, column } = error.place.clone() else { panic!("{error}") };
+    assert_eq!((&text[span], line, column), ("-1e-3", 5, 58));
+    assert!(
+        error.to_string().starts_with("grain.toml:5:58: `grains[0].radius.constant = -0.001`"),
+        "{error}"
+    );
+}
+
+#[test]
+fn the_hash_follows_physics_and_not_output() {
+    let hash = |sets: &[&str]| parse(sets).unwrap().hash().unwrap();
+    let plain = hash(&[]);
+    for same in ["title=other", "time.end=2", "output.frame_interval=0.1", "contacts.tolerance=1e-4"] {
+        assert_eq!(plain, hash(&[same]), "{same}");
+    }
+    for other in ["time.step=1e-4", "grains[0].solidity=0.9", "contacts.tolerance=1e-5", "gravity=[0,-1.6]"] {
+        assert_ne!(plain, hash(&[other]), "{other}");
+    }
+}
+
+#[test]
+fn steps_forgive_rounding() {
+    for (step, end, steps) in [(1e-3, 10.0, 10_000), (0.1, 0.3, 3), (0.1, 0.31, 4), (1e-4, 0.3, 3000)] {
+        assert_eq!(Time { step, end }.steps(), steps);
+    }
+}
