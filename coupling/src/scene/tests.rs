@@ -73,9 +73,9 @@ fn errors_know_their_place() {
     let text = GRAIN.replace("1e-3 }", "-1e-3 }");
     let error = Scene::parse(Path::new("grain.toml"), &text, &[]).unwrap_err();
     let Place::File { span, line, column } = error.place.clone() else { panic!("{error}") };
-    assert_eq!((&text[span], line, column), ("-1e-3", 5, 58));
+    assert_eq!((&text[span], line, column), ("-1e-3", 5, 55));
     assert!(
-        error.to_string().starts_with("grain.toml:5:58: `grains[0].radius.constant = -0.001`"),
+        error.to_string().starts_with("grain.toml:5:55: `grains[0].radius.constant = -0.001`"),
         "{error}"
     );
 }
