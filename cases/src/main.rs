@@ -1,2 +1,81 @@
-//! The program `voidage`.
-fn main() {}
+//! The program `voidage`: runs scenes, checks them, and draws what a run left.
+//!
+//! Exit codes: 0 done; 1 the run failed (solver, disk) or was interrupted; 2 the input is wrong.
+
+mod check;
+mod doctor;
+mod plot;
+mod progress;
+mod report;
+mod run;
+
+use clap::{Parser, Subcommand};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use voidage_coupling::Result;
+
+/// Discrete grains in a finite element fluid.
+#[derive(Parser)]
+#[command(
+    version,
+    after_help = "Exit codes: 0 done; 1 the run failed or was interrupted; 2 the input is wrong."
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a scene; Ctrl-C writes a checkpoint and ends cleanly (exit code 1).
+    Run(run::Options),
+    /// Read a scene, check it, and say which parts are on and how large they are.
+    Check {
+        /// Scene file (TOML).
+        scene: PathBuf,
+        /// Change a key of the scene: grains[0].radius.constant=5e-4 (may be repeated).
+        #[arg(long = "set", value_name = "KEY=VALUE")]
+        sets: Vec<String>,
+    },
+    /// Draw the pictures of a run again from the files in its folder.
+    Plot {
+        /// Folder of the run.
+        folder: PathBuf,
+    },
+    /// Print all keys of a scene with their meaning, units and defaults, as JSON schema.
+    Schema,
+    /// Say whether this machine has what the program needs.
+    Doctor,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let quiet = matches!(&arguments.command, Command::Run(options) if options.quiet);
+    progress::start_logging(quiet);
+    match perform(arguments.command) {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            report::print(&error);
+            ExitCode::from(if error.is_input() { 2 } else { 1 })
+        }
+    }
+}
+
+/// Does what was asked; the number is the exit code.
+fn perform(command: Command) -> Result<u8> {
+    match command {
+        Command::Run(options) => run::run(&options),
+        Command::Check { scene, sets } => check::check(&scene, &sets),
+        Command::Plot { folder } => {
+            for picture in plot::draw(&folder)? {
+                println!("{}", picture.display());
+            }
+            Ok(0)
+        }
+        Command::Schema => {
+            println!("{:#}", voidage_coupling::scene::json_schema());
+            Ok(0)
+        }
+        Command::Doctor => doctor::doctor(),
+    }
+}

@@ -1,1 +1,371 @@
-//! placeholder
+//! Everything between grains and fluid.
+//!
+//! [`Coupled`] holds what a scene has - grains, fluid, both - and advances it through a [`scheme`]. The seam
+//! is one affine closure ([`backend::GrainLoad`]) that every scheme fills and every fluid solver understands.
+
+pub mod backend;
+pub mod build;
+pub mod closure;
+pub mod error;
+pub mod overlap;
+pub mod recorder;
+pub mod scene;
+pub mod scheme;
+pub mod simulation;
+
+pub use error::{Error, Result};
+pub use scene::Scene;
+pub use simulation::Simulation;
+
+use backend::{FluidBackend, GrainLoad};
+use closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use overlap::Overlap;
+use rayon::prelude::*;
+use scheme::Scheme;
+use std::sync::Arc;
+use std::time::Instant;
+use voidage_dem::{Dem, Load};
+use voidage_fluid::conditions::{Condition, FlowCondition};
+use voidage_fluid::exchange::{AtBodies, at_piece};
+use voidage_fluid::{Mesh, Vector};
+
+/// Wall time of the phases of a step, s.
+#[derive(Clone, Copy, Debug, Default, serde::Serialize)]
+pub struct Phases {
+    /// Grains cut by the mesh, nodal voidage.
+    pub overlap: f64,
+    /// Drag and heat-transfer laws.
+    pub closure: f64,
+    /// Energy equation of the fluid.
+    pub energy: f64,
+    /// Momentum and mass of the fluid.
+    pub flow: f64,
+    /// What a step of the fluid solver takes beyond its equations: sampling at the grains, exchange.
+    pub exchange: f64,
+    /// Contacts and motion of the grains.
+    pub contacts: f64,
+}
+
+impl Phases {
+    /// The phases by name.
+    pub fn named(&self) -> [(&'static str, f64); 6] {
+        [
+            ("overlap", self.overlap),
+            ("closure", self.closure),
+            ("energy", self.energy),
+            ("flow", self.flow),
+            ("exchange", self.exchange),
+            ("contacts", self.contacts),
+        ]
+    }
+
+    /// Adds the times of another step.
+    pub fn add(&mut self, other: &Phases) {
+        self.overlap += other.overlap;
+        self.closure += other.closure;
+        self.energy += other.energy;
+        self.flow += other.flow;
+        self.exchange += other.exchange;
+        self.contacts += other.contacts;
+    }
+}
+
+/// What a step of the coupled system reports.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepReport {
+    /// Wall time by phase.
+    pub phases: Phases,
+    /// The grains; absent without.
+    pub grains: Option<voidage_dem::StepReport>,
+    /// The fluid solver; absent without.
+    pub fluid: Option<voidage_fluid::flow::Report>,
+    /// |force on the grains - force lost by the fluid| over the sum of |force| of the grains; with both only.
+    pub momentum_exchange_defect: Option<f64>,
+    /// The same for heat; with heat in both only.
+    pub energy_exchange_defect: Option<f64>,
+    /// Solid volume on the mesh against the grains', relative; with both only.
+    pub solid_volume_defect: Option<f64>,
+}
+
+impl StepReport {
+    /// Largest relative residual of the solvers.
+    pub fn residual(&self) -> f64 {
+        let grains = self.grains.map_or(0.0, |grains| grains.residual);
+        self.fluid.map_or(grains, |fluid| grains.max(fluid.residual))
+    }
+}
+
+/// The fluid of a scene.
+pub struct Fluid<const D: usize> {
+    /// The solver.
+    pub backend: Box<dyn FluidBackend<D>>,
+    /// Its mesh.
+    pub mesh: Arc<Mesh<D>>,
+    /// Conditions at full strength.
+    pub conditions: Vec<Condition<D>>,
+    /// Time over which prescribed velocities grow linearly from zero, s; 0 for at once.
+    pub ramp: f64,
+    /// Integral of each shape function, m3 (m2 in the plane).
+    pub nodal_volume: Vec<f64>,
+}
+
+/// Laws and properties of the exchange between grains and fluid.
+#[derive(Clone, Copy, Debug)]
+pub struct Laws {
+    /// Drag law.
+    pub drag: Drag,
+    /// Voidage function of drag and heat transfer.
+    pub voidage_function: VoidageFunction,
+    /// Heat-transfer law.
+    pub heat: HeatTransfer,
+    /// Density of the fluid, kg/m3.
+    pub density: f64,
+    /// Viscosity of the fluid, Pa s.
+    pub viscosity: f64,
+    /// Thermal properties; absent unless grains and fluid both have a temperature.
+    pub thermal: Option<ThermalFluid>,
+}
+
+/// State of the exchange between grains and fluid.
+pub struct Interaction<const D: usize> {
+    /// Laws by name.
+    pub laws: Laws,
+    /// What the fluid gets.
+    pub load: GrainLoad<D>,
+    /// What it gave back, at the last accepted step.
+    pub at: AtBodies<D>,
+    /// Voidage at each grain: mean of the nodal voidage over its pieces.
+    pub voidage: Vec<f64>,
+    /// Force of the fluid on each grain in the last step, N.
+    pub force: Vec<Vector<D>>,
+    /// Heat from the fluid to each grain in the last step, W; empty without heat.
+    pub heat: Vec<f64>,
+    overlap: Overlap<D>,
+}
+
+/// Grains and fluid, or one of them. What a scene does not have is not there.
+pub struct Coupled<const D: usize> {
+    /// The grains.
+    pub grains: Option<Dem<D>>,
+    /// The fluid.
+    pub fluid: Option<Fluid<D>>,
+    /// Their exchange; absent unless both are there.
+    pub interaction: Option<Interaction<D>>,
+    scheme: Option<Box<dyn Scheme<D>>>,
+    time: f64,
+    steps: u64,
+}
+
+impl<const D: usize> Interaction<D> {
+    /// The exchange of `grains` with a fluid on `mesh`; `at` is the fluid at the grains in the beginning.
+    ///
+    /// # Errors
+    /// A mesh that cannot be searched.
+    pub fn new(laws: Laws, mesh: &Mesh<D>, grains: &Dem<D>, at: AtBodies<D>) -> Result<Self> {
+        let count = grains.particles.position.len();
+        let mut load = GrainLoad {
+            volume: grains.particles.volume.clone(),
+            drag: vec![0.0; count],
+            mobility: vec![0.0; count],
+            velocity: vec![Vector::zeros(); count],
+            ..GrainLoad::default()
+        };
+        let mut heat = Vec::new();
+        if laws.thermal.is_some() {
+            let column = || vec![0.0; count];
+            load.heat =
+                Some(backend::HeatLoad { coefficient: column(), mobility: column(), temperature: column() });
+            heat = column();
+        }
+        let force = vec![Vector::zeros(); count];
+        let overlap = Overlap::new(mesh)?;
+        Ok(Self { laws, load, at, voidage: vec![1.0; count], force, heat, overlap })
+    }
+}
+
+impl<const D: usize> Coupled<D> {
+    /// A system at time zero.
+    pub fn new(
+        grains: Option<Dem<D>>,
+        fluid: Option<Fluid<D>>,
+        interaction: Option<Interaction<D>>,
+        scheme: Box<dyn Scheme<D>>,
+    ) -> Self {
+        Self { grains, fluid, interaction, scheme: Some(scheme), time: 0.0, steps: 0 }
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Steps done.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Sets time and number of steps, at a restart.
+    pub fn set_time(&mut self, time: f64, steps: u64) {
+        (self.time, self.steps) = (time, steps);
+    }
+
+    /// One step of `dt` by the scheme.
+    ///
+    /// # Errors
+    /// The fluid solver failed or a grain left the mesh; the state is then that before the step, except that
+    /// the grains' hints and load columns may be those of the failed step.
+    pub fn step(&mut self, dt: f64) -> Result<StepReport> {
+        let Some(mut scheme) = self.scheme.take() else {
+            return Err(Error::Run("a scheme called step of the system that it advances".into()));
+        };
+        let report = scheme.step(self, dt);
+        self.scheme = Some(scheme);
+        report
+    }
+
+    /// Pieces of the grains on the mesh and the voidage they make.
+    ///
+    /// # Errors
+    /// A grain lies outside the mesh.
+    pub fn cut_grains(&mut self, report: &mut StepReport) -> Result<()> {
+        let (Some(grains), Some(fluid), Some(interaction)) =
+            (&self.grains, &self.fluid, &mut self.interaction)
+        else {
+            return Ok(());
+        };
+        let start = Instant::now();
+        let particles = &grains.particles;
+        let load = &mut interaction.load;
+        interaction.overlap.cut(&fluid.mesh, &particles.position, &particles.radius, &mut load.pieces)?;
+        let volume =
+            overlap::voidage(&fluid.mesh, &load.pieces, &load.volume, &fluid.nodal_volume, &mut load.voidage);
+        let exact: f64 = load.volume.iter().sum();
+        report.solid_volume_defect = Some(relative((volume - exact).abs(), exact));
+        report.phases.overlap += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Drag and heat-transfer coefficients with the fluid of the last accepted step.
+    pub fn evaluate_closures(&mut self, report: &mut StepReport) {
+        let (Some(grains), Some(fluid), Some(interaction)) =
+            (&self.grains, &self.fluid, &mut self.interaction)
+        else {
+            return;
+        };
+        let start = Instant::now();
+        let (particles, laws, at) = (&grains.particles, interaction.laws, &interaction.at);
+        let load = &mut interaction.load;
+        let (pieces, voidage, mesh) = (&load.pieces, &load.voidage, &fluid.mesh);
+        interaction.voidage.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, mean)| {
+            *mean = pieces.of(i).map(|q| pieces.share[q] * at_piece(mesh, pieces, q, voidage)).sum();
+        });
+        let voidage = &interaction.voidage;
+        let around = |i: usize| Surroundings {
+            slip: (at.velocity[i] - particles.velocity[i]).norm(),
+            voidage: voidage[i],
+            diameter: 2.0 * particles.radius[i],
+            density: laws.density,
+            viscosity: laws.viscosity,
+        };
+        load.drag.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, gamma)| {
+            *gamma = particles.volume[i] * laws.drag.coefficient(&around(i), laws.voidage_function);
+        });
+        if let (Some(heat), Some(thermal)) = (&mut load.heat, &laws.thermal) {
+            heat.coefficient.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, coefficient)| {
+                let law = laws.heat.coefficient(&around(i), thermal, laws.voidage_function);
+                *coefficient = particles.volume[i] * law;
+            });
+        }
+        report.phases.closure += start.elapsed().as_secs_f64();
+    }
+
+    /// One solution of the fluid from its last accepted state.
+    ///
+    /// # Errors
+    /// The solver failed.
+    pub fn solve_fluid(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
+        let Some(fluid) = &mut self.fluid else { return Ok(()) };
+        let start = Instant::now();
+        let conditions = ramped(&fluid.conditions, fluid.ramp, self.time + dt);
+        let mut none = AtBodies::default();
+        let (load, at) = match &mut self.interaction {
+            Some(interaction) => (Some(&interaction.load), &mut interaction.at),
+            None => (None, &mut none),
+        };
+        let solved = fluid.backend.solve(dt, load, &conditions, at)?;
+        report.phases.energy += solved.solver.heat_s;
+        report.phases.flow += solved.solver.flow_s;
+        report.phases.exchange += start.elapsed().as_secs_f64() - solved.solver.heat_s - solved.solver.flow_s;
+        report.fluid = Some(solved.solver);
+        if let Some(interaction) = &mut self.interaction {
+            interaction.balance(&solved, report);
+        }
+        Ok(())
+    }
+
+    /// Contacts and motion of the grains under the forces and heat of the fluid.
+    pub fn move_grains(&mut self, dt: f64, report: &mut StepReport) {
+        let Some(grains) = &mut self.grains else { return };
+        let start = Instant::now();
+        let (force, heat): (&[_], &[_]) = match &self.interaction {
+            Some(interaction) => (&interaction.force, &interaction.heat),
+            None => (&[], &[]),
+        };
+        report.grains = Some(grains.step(dt, &Load { force, heat, ..Load::default() }));
+        report.phases.contacts += start.elapsed().as_secs_f64();
+    }
+
+    /// Makes the solution of the fluid the accepted one and moves the clock.
+    pub fn accept(&mut self, dt: f64) {
+        if let Some(fluid) = &mut self.fluid {
+            fluid.backend.accept();
+        }
+        self.steps += 1;
+        self.time += dt;
+    }
+}
+
+impl<const D: usize> Interaction<D> {
+    /// Forces and heat on the grains by the affine law, and how far the fluid's own sum is from theirs.
+    fn balance(&mut self, solved: &backend::FluidReport<D>, report: &mut StepReport) {
+        let (load, at) = (&self.load, &self.at);
+        self.force.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, force)| {
+            let pressure = at.pressure_gradient[i] * load.volume[i];
+            let law = load.velocity[i] + (at.velocity[i] * load.drag[i] - pressure) * load.mobility[i];
+            *force = (at.velocity[i] - law) * load.drag[i] - pressure;
+        });
+        let total: Vector<D> = self.force.iter().sum();
+        let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
+        report.momentum_exchange_defect = Some(relative((total - solved.force).norm(), scale));
+        if let Some(columns) = &load.heat {
+            self.heat.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, heat)| {
+                let taken = columns.coefficient[i] * at.temperature[i];
+                *heat =
+                    taken - columns.coefficient[i] * (columns.temperature[i] + columns.mobility[i] * taken);
+            });
+            let total: f64 = self.heat.iter().sum();
+            let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();
+            report.energy_exchange_defect = Some(relative((total - solved.heat).abs(), scale));
+        }
+    }
+}
+
+fn relative(defect: f64, scale: f64) -> f64 {
+    if scale > 0.0 { defect / scale } else { defect }
+}
+
+/// The conditions at a time: prescribed velocities grow over the ramp.
+fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: f64, time: f64) -> Vec<Condition<D>> {
+    let mut scaled = conditions.to_vec();
+    if time < ramp {
+        for condition in &mut scaled {
+            match &mut condition.flow {
+                FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) => {
+                    value.scale(time / ramp);
+                }
+                _ => {}
+            }
+        }
+    }
+    scaled
+}

@@ -1,0 +1,104 @@
+//! `voidage check`: what a scene has, and how large it is.
+
+use std::path::Path;
+use voidage_coupling::Result;
+use voidage_coupling::scene::{Amount, MeshSource, Placement, Scene};
+use voidage_fluid::Mesh;
+
+/// Checks a scene and prints its parts.
+pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
+    let scene = Scene::read(file, sets)?;
+    println!("{}: good\n{}", file.display(), scene.title);
+    line("steps", format!("{} of {} s to {} s", scene.time.steps(), scene.time.step, scene.time.end));
+    grains(&scene);
+    fluid(&scene)?;
+    part("coupling", scene.coupling.as_ref(), |coupling| {
+        format!(
+            "{} with drag {} and voidage function {}",
+            name(&coupling.scheme),
+            name(&coupling.drag),
+            name(&coupling.voidage_function)
+        )
+    });
+    part("  heat exchange", scene.coupling.as_ref().and_then(|coupling| coupling.heat.as_ref()), name);
+    let output = &scene.output;
+    part("pressure drop", output.pressure_drop.as_ref(), |drop| format!("from {} to {}", drop.from, drop.to));
+    part("averages", output.average.as_ref(), |average| {
+        format!("{} to {} s on squares of {} m", average.from, average.to, average.cell)
+    });
+    line("hash", scene.hash()?);
+    Ok(0)
+}
+
+fn grains(scene: &Scene) {
+    if scene.grains.is_empty() {
+        return line("grains", "off");
+    }
+    for group in &scene.grains {
+        let amount = match (&group.amount, &group.placement) {
+            (Amount::Count(count), _) => format!("{count}"),
+            (Amount::Mass(mass), _) => match &group.radius {
+                Some(radius) => {
+                    // The mean of r2 for r uniform between a and b is (a2 + ab + b2)/3.
+                    let (a, b) = (radius.smallest(), radius.largest());
+                    let square = (a * a + a * b + b * b) / 3.0;
+                    let density = scene.materials[&group.material].density * group.solidity;
+                    format!("about {:.0} ({mass} kg/m)", mass / (density * std::f64::consts::PI * square))
+                }
+                None => format!("{mass} kg/m"),
+            },
+            (Amount::Fill, Placement::Csv(csv)) => format!("all of {}", csv.file.display()),
+            (Amount::Fill, _) => "as many as its place holds".to_owned(),
+        };
+        let held = if group.fixed { ", held in place" } else { "" };
+        line("grains", format!("{amount} of {}{held}", group.material));
+    }
+    line("  walls", scene.walls.len());
+    let contacts = scene.contacts.as_ref();
+    line("  rotation", if contacts.is_some_and(|contacts| contacts.rotation) { "on" } else { "off" });
+    line("  heat", if scene.grains_have_heat() { "on" } else { "off" });
+    part("  conduction", contacts.and_then(|contacts| contacts.conduction.as_ref()), name);
+    part("  cohesion", contacts.and_then(|contacts| contacts.cohesion.as_ref()), |c| {
+        format!("{} N/m", c.force)
+    });
+}
+
+fn fluid(scene: &Scene) -> Result<()> {
+    let Some(fluid) = &scene.fluid else {
+        line("fluid", "off");
+        return Ok(());
+    };
+    line("fluid", format!("density {} kg/m3, viscosity {} Pa s", fluid.density, fluid.viscosity));
+    match &fluid.mesh {
+        MeshSource::Rectangle(rectangle) => {
+            let mesh = Mesh::rectangle(rectangle).map_err(|error| {
+                scene.error("fluid.mesh.rectangle", error.to_string(), "change the rectangle")
+            })?;
+            line("  mesh", format!("{} nodes, {} triangles", mesh.points.len(), mesh.cell_count()));
+        }
+        MeshSource::File(file) => line("  mesh", file.display()),
+    }
+    let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
+    line("  boundaries", names.join(", "));
+    part("  heat", fluid.heat.as_ref(), |heat| match heat.expansion {
+        0.0 => "on, without buoyancy".to_owned(),
+        expansion => format!("on, with buoyancy ({expansion} 1/K)"),
+    });
+    part("  thin cell", fluid.thin_cell.as_ref(), |cell| {
+        format!("drag {} kg/m3/s{}", cell.drag, if cell.heat.is_some() { ", heat" } else { "" })
+    });
+    Ok(())
+}
+
+fn line(what: &str, text: impl std::fmt::Display) {
+    println!("{what:16} {text}");
+}
+
+fn part<T>(what: &str, part: Option<&T>, text: impl FnOnce(&T) -> String) {
+    line(what, part.map_or("off".to_owned(), text));
+}
+
+/// The name of a law as scenes write it.
+fn name(value: &impl serde::Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}

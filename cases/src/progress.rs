@@ -1,0 +1,104 @@
+//! How far a run is: a bar on a terminal, plain lines elsewhere.
+
+use indicatif::ProgressStyle;
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+use tracing::{Span, info, info_span};
+use tracing_indicatif::{IndicatifLayer, span_ext::IndicatifSpanExt};
+use tracing_subscriber::{filter::LevelFilter, fmt, layer::SubscriberExt, util::SubscriberInitExt};
+
+/// Sends messages to stderr, above the bar where there is one.
+pub fn start_logging(quiet: bool) {
+    let bar = has_bar(quiet).then(IndicatifLayer::new);
+    let lines = fmt::layer().without_time().with_target(false).with_level(false);
+    let registry = tracing_subscriber::registry().with(LevelFilter::INFO);
+    match bar {
+        Some(bar) => registry.with(lines.with_writer(bar.get_stderr_writer())).with(bar).init(),
+        None => registry.with(lines.with_ansi(false).with_writer(std::io::stderr)).init(),
+    }
+}
+
+fn has_bar(quiet: bool) -> bool {
+    !quiet && std::io::stderr().is_terminal()
+}
+
+/// What a line or the bar says beside the number of steps.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct News {
+    /// Time reached, s.
+    pub time: f64,
+    /// Number of grains.
+    pub grains: usize,
+    /// Contacts that carry a force.
+    pub contacts: usize,
+    /// Largest relative residual of the solvers.
+    pub residual: f64,
+}
+
+/// Shows how far a run is.
+pub struct Progress {
+    bar: Option<Span>,
+    first: u64,
+    last: u64,
+    started: Instant,
+    shown: Option<Instant>,
+    every: Duration,
+}
+
+impl Progress {
+    /// From the step where this process starts to the last one.
+    pub fn new(first: u64, last: u64, quiet: bool) -> Self {
+        let bar = has_bar(quiet).then(|| {
+            let span = info_span!("run");
+            let style = "{bar:30.cyan/blue} {pos}/{len} steps  {per_sec}  {eta} left  {msg}";
+            span.pb_set_style(
+                &ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()),
+            );
+            span.pb_set_length(last);
+            span.pb_set_position(first);
+            span.pb_start();
+            span
+        });
+        let every = match (&bar, quiet) {
+            (Some(_), _) => Duration::from_millis(100),
+            (None, false) => Duration::from_secs(2),
+            (None, true) => Duration::from_secs(10),
+        };
+        Progress { bar, first, last, started: Instant::now(), shown: None, every }
+    }
+
+    /// Shows the news, not too often.
+    pub fn show(&mut self, step: u64, news: impl FnOnce() -> News) {
+        let due = self.shown.is_none_or(|shown| shown.elapsed() >= self.every);
+        if !due && step != self.last {
+            return;
+        }
+        self.shown = Some(Instant::now());
+        let News { time, grains, contacts, residual } = news();
+        let message = format!("t {time:.4} s  {grains} grains  {contacts} contacts  residual {residual:.1e}");
+        match &self.bar {
+            Some(bar) => {
+                bar.pb_set_position(step);
+                bar.pb_set_message(&message);
+            }
+            None => {
+                let rate = (step - self.first) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
+                let left = (self.last - step) as f64 / rate;
+                info!("step {step}/{}  {rate:.1} steps/s  {} left  {message}", self.last, duration(left));
+            }
+        }
+    }
+}
+
+/// A duration for reading: `3 min 20 s`.
+pub fn duration(seconds: f64) -> String {
+    if !seconds.is_finite() {
+        return "?".to_owned();
+    }
+    let whole = seconds.round() as u64;
+    match (whole / 3600, whole / 60 % 60, whole % 60) {
+        (0, 0, _) => format!("{seconds:.1} s"),
+        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
+        (hours, minutes, _) => format!("{hours} h {minutes} min"),
+    }
+}

@@ -1,0 +1,67 @@
+//! Errors on the terminal, with the place underlined.
+
+use miette::{Diagnostic, LabeledSpan, NamedSource, Report, SourceCode};
+use std::fmt;
+use voidage_coupling::Error;
+use voidage_coupling::scene::{Place, SceneError};
+
+/// Prints an error to stderr.
+pub fn print(error: &Error) {
+    match error {
+        Error::Scene(error) => eprintln!("{:?}", Report::new(Underlined::new(error))),
+        other => {
+            let text = other.to_string();
+            let (message, help) = text.split_once("\n  help: ").unwrap_or((&text, ""));
+            eprintln!("error: {message}");
+            if !help.is_empty() {
+                eprintln!("  help: {help}");
+            }
+        }
+    }
+}
+
+/// An error of a scene as miette shows it.
+#[derive(Debug)]
+struct Underlined {
+    message: String,
+    help: String,
+    source: NamedSource<String>,
+    span: Option<(usize, usize)>,
+}
+
+impl Underlined {
+    fn new(error: &SceneError) -> Self {
+        let name = error.file.display();
+        let (message, span) = match &error.place {
+            Place::File { span, line, column } => {
+                (format!("{name}:{line}:{column}: {}", error.message), Some((span.start, span.len())))
+            }
+            Place::Set(option) => (format!("{name}: --set {option}: {}", error.message), None),
+        };
+        let source = NamedSource::new(name.to_string(), error.text.to_string());
+        Underlined { message, help: error.help.clone(), source, span }
+    }
+}
+
+impl fmt::Display for Underlined {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Underlined {}
+
+impl Diagnostic for Underlined {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        (!self.help.is_empty()).then(|| Box::new(&self.help) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.span.map(|_| &self.source as &dyn SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let (start, length) = self.span?;
+        Some(Box::new(std::iter::once(LabeledSpan::new(None, start, length))))
+    }
+}

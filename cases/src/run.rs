@@ -1,0 +1,264 @@
+//! `voidage run`: the loop around the steps.
+
+use crate::plot;
+use crate::progress::{News, Progress, duration};
+use clap::Args;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+use tracing::{info, warn};
+use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
+use voidage_coupling::scene::Scene;
+use voidage_coupling::{Error, Result, Simulation, StepReport};
+
+/// Options of `voidage run`.
+#[derive(Args)]
+pub struct Options {
+    /// Scene file (TOML).
+    scene: PathBuf,
+    /// Folder of results. Default: `out/` and the name of the scene.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Change a key of the scene: fluid.boundaries.inflow.flow.superficial_velocity=[0,1.2] (may be repeated).
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    sets: Vec<String>,
+    /// Go on from a checkpoint of this scene.
+    #[arg(long, value_name = "FILE")]
+    restart: Option<PathBuf>,
+    /// Number of threads; results do not depend on it. Default: one per core.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Coupling scheme, instead of that of the scene.
+    #[arg(long)]
+    scheme: Option<String>,
+    /// Fluid solver: rust.
+    #[arg(long, default_value = "rust")]
+    fluid: String,
+    /// No bar, few lines.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// Runs a scene; the number is the exit code.
+pub fn run(options: &Options) -> Result<u8> {
+    if options.fluid != "rust" {
+        return Err(Error::Input(format!(
+            "--fluid {}: this fluid solver is not available in this version\n  help: use --fluid rust",
+            options.fluid
+        )));
+    }
+    let mut sets = options.sets.clone();
+    sets.extend(options.scheme.iter().map(|scheme| format!("coupling.scheme={scheme:?}")));
+    let scene = Scene::read(&options.scene, &sets)?;
+    let threads = start_threads(options.threads)?;
+    let interrupted = catch_interrupts()?;
+    let mut run = Run::new(&scene, options, threads)?;
+    let outcome = run.steps(&interrupted, options.quiet);
+    run.close(outcome)
+}
+
+/// The default folder of results: `out/bubbling-bed` for `cases/bubbling-bed/scene.toml`.
+fn default_folder(scene: &Path) -> PathBuf {
+    let stem = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let parent = scene.parent().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
+    let name = match (stem.strip_prefix("scene"), parent) {
+        (Some(rest), Some(parent)) => format!("{parent}{rest}"),
+        _ => stem,
+    };
+    Path::new("out").join(name)
+}
+
+fn start_threads(asked: Option<usize>) -> Result<usize> {
+    if asked == Some(0) {
+        return Err(Error::Input("--threads 0: there must be a thread\n  help: give 1 or more".into()));
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(asked.unwrap_or(0));
+    pool.build_global().map_err(|error| Error::Run(format!("cannot start threads: {error}")))?;
+    Ok(rayon::current_num_threads())
+}
+
+fn catch_interrupts() -> Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let set = flag.clone();
+    let handler = move || {
+        if set.swap(true, Ordering::Relaxed) {
+            std::process::exit(130); // asked twice: at once
+        }
+    };
+    ctrlc::set_handler(handler).map_err(|error| Error::Run(format!("cannot catch Ctrl-C: {error}")))?;
+    Ok(flag)
+}
+
+/// A run in progress.
+struct Run {
+    simulation: Simulation,
+    recording: Recording,
+    stamp: Stamp,
+    summary: Summary,
+    last: u64,
+    started: Instant,
+    /// Wall time until the first step, s.
+    setup_s: f64,
+    output_s: f64,
+}
+
+impl Run {
+    fn new(scene: &Scene, options: &Options, threads: usize) -> Result<Run> {
+        let started = Instant::now();
+        let folder = options.out.clone().unwrap_or_else(|| default_folder(&options.scene));
+        let hash = scene.hash()?;
+        let (simulation, recording) = match &options.restart {
+            None => {
+                let mut simulation = Simulation::new(scene)?;
+                simulation.refresh()?;
+                let recording = Recording::start(&folder, scene, &simulation.view(), &simulation.readings())?;
+                (simulation, recording)
+            }
+            Some(file) => {
+                let checkpoint = Checkpoint::read(file, &hash)?;
+                let mut simulation = Simulation::restart(scene, &checkpoint)?;
+                simulation.refresh()?;
+                let (view, readings) = (simulation.view(), simulation.readings());
+                let recording = Recording::resume(&folder, scene, &view, &readings, &checkpoint)?;
+                (simulation, recording)
+            }
+        };
+        let view = simulation.view();
+        let summary = Summary {
+            grains: view.grains.map_or(0, |grains| grains.position.len()),
+            nodes: view.fluid.map_or(0, |fluid| fluid.mesh.points.len()),
+            cells: view.fluid.map_or(0, |fluid| fluid.mesh.cell_count()),
+            bed_weight_per_area: simulation.bed_weight_per_area(),
+            threads,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene_hash: hash.clone(),
+            ..Summary::default()
+        };
+        info!("{}", scene.title);
+        info!(
+            "{} grains, {} nodes, {} cells, {threads} threads, into {}",
+            summary.grains,
+            summary.nodes,
+            summary.cells,
+            folder.display()
+        );
+        let stamp = Stamp { scene_hash: hash, step: simulation.steps(), time: simulation.time() };
+        Ok(Run {
+            simulation,
+            recording,
+            stamp,
+            summary,
+            last: scene.time.steps(),
+            started,
+            setup_s: started.elapsed().as_secs_f64(),
+            output_s: 0.0,
+        })
+    }
+
+    /// Steps to the end, or until interrupted (`false`).
+    fn steps(&mut self, interrupted: &AtomicBool, quiet: bool) -> Result<bool> {
+        let mut progress = Progress::new(self.simulation.steps(), self.last, quiet);
+        while self.simulation.steps() < self.last {
+            if interrupted.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            let report = self.simulation.step()?;
+            self.summary.steps_of_this_process += 1;
+            self.record()?;
+            let step = self.simulation.steps();
+            progress.show(step, || News {
+                time: self.simulation.time(),
+                grains: self.summary.grains,
+                contacts: report.grains.map_or(0, |grains| grains.contacts),
+                residual: residual(&report),
+            });
+        }
+        Ok(true)
+    }
+
+    /// Writes what is due.
+    fn record(&mut self) -> Result<()> {
+        let start = Instant::now();
+        let (step, time) = (self.simulation.steps(), self.simulation.time());
+        let due = self.recording.due(step);
+        if due.any() {
+            if due.needs_fields() {
+                self.simulation.refresh()?;
+            }
+            self.recording.record(step, time, &self.simulation.view(), &self.simulation.readings())?;
+        }
+        if due.checkpoint {
+            self.checkpoint()?;
+        }
+        self.output_s += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    fn checkpoint(&mut self) -> Result<PathBuf> {
+        self.stamp.step = self.simulation.steps();
+        self.stamp.time = self.simulation.time();
+        let state = self.simulation.state()?;
+        self.recording.checkpoint(&self.stamp, &state)
+    }
+
+    /// Ends the run: last frame and checkpoint, summary, pictures.
+    fn close(mut self, outcome: Result<bool>) -> Result<u8> {
+        let ended = match &outcome {
+            Ok(true) => "done",
+            Ok(false) => "interrupted",
+            Err(_) => "failed",
+        };
+        if matches!(outcome, Ok(false)) {
+            self.simulation.refresh()?;
+            let (step, time) = (self.simulation.steps(), self.simulation.time());
+            self.recording.frame(step, time, &self.simulation.view())?;
+            let path = self.checkpoint()?;
+            warn!("interrupted at t = {time} s; go on with --restart {}", path.display());
+        }
+        self.summary.outcome = ended.to_owned();
+        self.write_summary().or_else(|error| if outcome.is_err() { Ok(()) } else { Err(error) })?;
+        let folder = self.recording.folder().to_path_buf();
+        let finished = outcome.inspect_err(|_| {
+            let checkpoint = folder.join(CHECKPOINT);
+            if checkpoint.exists() {
+                warn!("the last checkpoint is {}", checkpoint.display());
+            }
+        })?;
+        plot::draw(&folder)?;
+        println!(
+            "{ended} after {} steps in {}: {}",
+            self.summary.steps,
+            duration(self.summary.wall_s),
+            folder.display()
+        );
+        Ok(if finished { 0 } else { 1 })
+    }
+
+    fn write_summary(&mut self) -> Result<()> {
+        let totals = self.simulation.totals();
+        let mut phases: BTreeMap<String, f64> =
+            serde_json::to_value(totals.phases).and_then(serde_json::from_value).unwrap_or_default();
+        phases.insert("setup".to_owned(), self.setup_s);
+        phases.insert("output".to_owned(), self.output_s);
+        let summary = &mut self.summary;
+        summary.steps = self.simulation.steps();
+        summary.time_s = self.simulation.time();
+        summary.wall_s = self.started.elapsed().as_secs_f64();
+        summary.phases_s = phases;
+        summary.max_penetration_over_radius = totals.max_penetration_over_radius;
+        summary.unconverged_steps = totals.unconverged_steps;
+        summary.momentum_exchange_defect = totals.momentum_exchange_defect;
+        summary.energy_exchange_defect = totals.energy_exchange_defect;
+        summary.solid_volume_defect = totals.solid_volume_defect;
+        summary.write(&self.recording.folder().join("summary.json"))
+    }
+}
+
+/// The largest relative residual of the solvers in a step.
+fn residual(report: &StepReport) -> f64 {
+    let contacts = report.grains.map_or(0.0, |grains| grains.residual);
+    let flow = report.fluid.map_or(0.0, |fluid| fluid.residual);
+    contacts.max(flow)
+}

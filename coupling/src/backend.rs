@@ -1,0 +1,178 @@
+//! The seam between the coupling and a fluid solver.
+
+use crate::error::Result;
+use std::sync::Arc;
+use voidage_fluid::conditions::Condition;
+use voidage_fluid::exchange::{AtBodies, Exchange, HeatExchange, Pieces};
+use voidage_fluid::flow::{HeatProperties, Numerics, State};
+use voidage_fluid::forms::Properties;
+use voidage_fluid::{Flow, Mesh, Vector};
+
+/// What the fluid solver gets each step: where the grains are, their drag and the affine law of the velocity
+/// that they will have, v* = velocity + mobility (drag u - volume grad p). It never knows the scheme.
+#[derive(Clone, Debug, Default)]
+pub struct GrainLoad<const D: usize> {
+    /// The grains cut by the mesh.
+    pub pieces: Pieces<D>,
+    /// Nodal voidage.
+    pub voidage: Vec<f64>,
+    /// Solid volume V, m3 (m2 in the plane).
+    pub volume: Vec<f64>,
+    /// Drag coefficient gamma, kg/s.
+    pub drag: Vec<f64>,
+    /// Mobility a, s/kg.
+    pub mobility: Vec<f64>,
+    /// Constant part b of the velocity law, m/s.
+    pub velocity: Vec<Vector<D>>,
+    /// The same for heat; absent unless grains and fluid both have a temperature.
+    pub heat: Option<HeatLoad>,
+}
+
+/// Heat columns of the load: T* = temperature + mobility (coefficient T).
+#[derive(Clone, Debug, Default)]
+pub struct HeatLoad {
+    /// hA, W/K.
+    pub coefficient: Vec<f64>,
+    /// aT, K/W.
+    pub mobility: Vec<f64>,
+    /// bT, K.
+    pub temperature: Vec<f64>,
+}
+
+impl<const D: usize> GrainLoad<D> {
+    fn exchange(&self) -> Exchange<'_, D> {
+        Exchange {
+            pieces: &self.pieces,
+            volume: &self.volume,
+            drag: &self.drag,
+            mobility: &self.mobility,
+            velocity: &self.velocity,
+            heat: self.heat.as_ref().map(|heat| HeatExchange {
+                coefficient: &heat.coefficient,
+                mobility: &heat.mobility,
+                temperature: &heat.temperature,
+            }),
+        }
+    }
+}
+
+/// What a fluid solver reports of a step.
+#[derive(Clone, Copy, Debug)]
+pub struct FluidReport<const D: usize> {
+    /// Iterations, residual and time of the solver.
+    pub solver: voidage_fluid::flow::Report,
+    /// Force that the fluid lost to the grains, summed over the pieces by the fluid, N.
+    pub force: Vector<D>,
+    /// Heat that the fluid lost to the grains, summed over the pieces by the fluid, W.
+    pub heat: f64,
+}
+
+/// A fluid solver. `solve` always starts from the last accepted state: schemes may call it many times.
+pub trait FluidBackend<const D: usize> {
+    /// Sets the mesh and the accepted fields: at the start, at a restart, after remeshing. Nothing of earlier
+    /// steps may influence what follows.
+    ///
+    /// # Errors
+    /// A mesh or conditions that the solver cannot use.
+    fn start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<()>;
+
+    /// Solves a step of `dt` and writes the fluid at the grains to `out`; `load` is absent without grains.
+    ///
+    /// # Errors
+    /// The solver failed.
+    fn solve(
+        &mut self,
+        dt: f64,
+        load: Option<&GrainLoad<D>>,
+        conditions: &[Condition<D>],
+        out: &mut AtBodies<D>,
+    ) -> Result<FluidReport<D>>;
+
+    /// Accepts the last solution.
+    fn accept(&mut self);
+
+    /// The accepted nodal fields; asked for by recorders and comparisons only.
+    ///
+    /// # Errors
+    /// The solver cannot be reached.
+    fn fields(&mut self) -> Result<State<D>>;
+}
+
+/// The Rust solver in this process; `B` is `D + 1`.
+pub struct RustFluid<const D: usize, const B: usize> {
+    properties: Properties<D>,
+    heat: Option<HeatProperties>,
+    numerics: Numerics,
+    conditions: Vec<Condition<D>>,
+    flow: Option<(Arc<Mesh<D>>, Flow<D, B>)>,
+    clear: Vec<f64>,
+}
+
+impl<const D: usize, const B: usize> RustFluid<D, B> {
+    /// A solver that waits for its mesh.
+    pub fn new(
+        properties: Properties<D>,
+        heat: Option<HeatProperties>,
+        numerics: Numerics,
+        conditions: Vec<Condition<D>>,
+    ) -> Self {
+        Self { properties, heat, numerics, conditions, flow: None, clear: Vec::new() }
+    }
+}
+
+fn not_started() -> crate::Error {
+    crate::Error::Run("the fluid solver was used before it got a mesh".into())
+}
+
+impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
+    fn start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<()> {
+        match &mut self.flow {
+            Some((old, flow)) if Arc::ptr_eq(old, mesh) => {
+                flow.set_state(fields.clone());
+                flow.forget();
+            }
+            _ => {
+                let flow = Flow::new(
+                    (**mesh).clone(),
+                    self.properties.clone(),
+                    self.heat.clone(),
+                    &self.conditions,
+                    fields.clone(),
+                    &self.numerics,
+                )?;
+                self.clear = vec![1.0; mesh.points.len()];
+                self.flow = Some((mesh.clone(), flow));
+            }
+        }
+        Ok(())
+    }
+
+    fn solve(
+        &mut self,
+        dt: f64,
+        load: Option<&GrainLoad<D>>,
+        conditions: &[Condition<D>],
+        out: &mut AtBodies<D>,
+    ) -> Result<FluidReport<D>> {
+        let (_, flow) = self.flow.as_mut().ok_or_else(not_started)?;
+        let Some(load) = load else {
+            let solver = flow.solve(dt, &self.clear, None, conditions)?;
+            return Ok(FluidReport { solver, force: Vector::zeros(), heat: 0.0 });
+        };
+        let exchange = load.exchange();
+        let solver = flow.solve(dt, &load.voidage, Some(&exchange), conditions)?;
+        flow.sample(&load.pieces, out);
+        let (force, heat) = flow.exchanged(&exchange);
+        Ok(FluidReport { solver, force, heat })
+    }
+
+    fn accept(&mut self) {
+        if let Some((_, flow)) = &mut self.flow {
+            flow.accept();
+        }
+    }
+
+    fn fields(&mut self) -> Result<State<D>> {
+        self.flow.as_ref().map(|(_, flow)| flow.state().clone()).ok_or_else(not_started)
+    }
+}

@@ -1,0 +1,332 @@
+//! From a scene to the system that it describes.
+
+use crate::backend::{FluidBackend, RustFluid};
+use crate::closure::ThermalFluid;
+use crate::error::{Error, Result};
+use crate::scene::{self, Scene};
+use crate::{Coupled, Fluid, Interaction, Laws};
+use std::sync::Arc;
+use voidage_dem::packing::{self, Amount, Fill, Radii, Region};
+use voidage_dem::{Conduction, Dem, Material, Motion, Particles, Settings, Wall};
+use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
+use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::flow::{HeatProperties, Numerics, State};
+use voidage_fluid::forms::Properties;
+use voidage_fluid::linear::{Method, Options};
+use voidage_fluid::transport::{Scalar, ThinCellHeat};
+use voidage_fluid::{Mesh, Vector};
+
+/// The system of a plane scene, at time zero.
+///
+/// # Errors
+/// Input that only shows when the grains are placed or the mesh is made: a file, a region too small, a
+/// boundary that the mesh lacks.
+pub fn coupled(scene: &Scene) -> Result<Coupled<2>> {
+    if scene.dimension() != 2 {
+        return Err(Error::Input(
+            "scenes in space (3D) are not built yet; give `gravity` two numbers".into(),
+        ));
+    }
+    let grains = if scene.grains.is_empty() { None } else { Some(grains(scene)?) };
+    let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid)).transpose()?;
+    let coupling = scene.coupling.clone().unwrap_or_default();
+    let interaction = match (&grains, &fluid, &scene.fluid) {
+        (Some(grains), Some(fluid), Some(described)) => {
+            Some(interaction(&coupling, grains, fluid, described)?)
+        }
+        _ => None,
+    };
+    Ok(Coupled::new(grains, fluid, interaction, coupling.scheme.build()))
+}
+
+fn interaction(
+    coupling: &scene::Coupling,
+    grains: &Dem<2>,
+    fluid: &Fluid<2>,
+    described: &scene::Fluid,
+) -> Result<Interaction<2>> {
+    let thermal =
+        described.heat.as_ref().filter(|_| grains.particles.heat.is_some()).map(|heat| ThermalFluid {
+            conductivity: heat.conductivity,
+            prandtl: heat.heat_capacity * described.viscosity / heat.conductivity,
+        });
+    let laws = Laws {
+        drag: coupling.drag,
+        voidage_function: coupling.voidage_function,
+        heat: coupling.heat.unwrap_or_default(),
+        density: described.density,
+        viscosity: described.viscosity,
+        thermal,
+    };
+    let count = grains.particles.len();
+    let at = AtBodies {
+        velocity: vec![initial_velocity(described); count],
+        pressure_gradient: vec![Vector::zeros(); count],
+        temperature: match (&thermal, &described.heat) {
+            (Some(_), Some(heat)) => vec![heat.initial_temperature; count],
+            _ => Vec::new(),
+        },
+    };
+    Interaction::new(laws, &fluid.mesh, grains, at)
+}
+
+fn initial_velocity(fluid: &scene::Fluid) -> Vector<2> {
+    fluid.initial_velocity.as_ref().map_or_else(Vector::zeros, |v| v.vector())
+}
+
+// ---------------------------------------------------------------------------------------------- grains
+
+fn grains(scene: &Scene) -> Result<Dem<2>> {
+    let names: Vec<&String> = scene.materials.keys().collect();
+    let mut materials = Vec::new();
+    let mut all = Particles::<2>::default();
+    let mut heat = voidage_dem::Heat::default();
+    for (k, group) in scene.grains.iter().enumerate() {
+        let Some(described) = scene.materials.get(&group.material) else {
+            return Err(Error::Input(format!("no material `{}`; there are {names:?}", group.material)));
+        };
+        materials.push(material(described, group.solidity));
+        let mut placed = place(scene, group, k, &materials)?;
+        // Columns of a file go before the values of the group.
+        if let Some(velocity) =
+            group.velocity.as_ref().filter(|_| placed.velocity.iter().all(|v| v.norm() == 0.0))
+        {
+            placed.velocity.fill(velocity.vector());
+        }
+        if let Some(temperature) = group.temperature {
+            let own = match placed.heat.take() {
+                Some(heat) => heat,
+                None => placed.clone().heated(temperature, &materials)?.heat.unwrap_or_default(),
+            };
+            heat.temperature.extend(own.temperature);
+            heat.capacity.extend(own.capacity);
+        }
+        if group.fixed {
+            placed.mass.fill(f64::INFINITY);
+        }
+        append(&mut all, placed);
+    }
+    if scene.grains_have_heat() {
+        all.heat = Some(heat);
+    }
+    scene.check_apart(&all)?;
+    let contacts = scene.contacts.clone().unwrap_or_default();
+    if contacts.rotation {
+        all = all.rotating();
+    }
+    let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect();
+    Ok(Dem::new(all, walls, materials, settings(scene, &contacts))?)
+}
+
+fn material(described: &scene::Material, solidity: f64) -> Material {
+    Material {
+        density: described.density,
+        solidity,
+        friction: described.friction,
+        restitution: described.restitution,
+        young: described.young.unwrap_or(0.0),
+        poisson: described.poisson.unwrap_or(0.0),
+        conductivity: described.conductivity.unwrap_or(0.0),
+        heat_capacity: described.heat_capacity.unwrap_or(0.0),
+    }
+}
+
+fn append(all: &mut Particles<2>, more: Particles<2>) {
+    all.position.extend(more.position);
+    all.velocity.extend(more.velocity);
+    all.radius.extend(more.radius);
+    all.mass.extend(more.mass);
+    all.volume.extend(more.volume);
+    all.material.extend(more.material);
+}
+
+fn place(scene: &Scene, group: &scene::Grains, k: usize, materials: &[Material]) -> Result<Particles<2>> {
+    let region = |lower: &scene::Coordinates, upper: &scene::Coordinates| Region {
+        low: lower.vector(),
+        high: upper.vector(),
+    };
+    let fill = |seed| Fill {
+        radii: match group.radius {
+            Some(scene::Radius::Uniform([min, max])) => Radii::Uniform { min, max },
+            Some(scene::Radius::Constant(radius)) => Radii::Constant(radius),
+            None => Radii::List(Vec::new()),
+        },
+        amount: match group.amount {
+            scene::Amount::Count(count) => Amount::Count(count),
+            scene::Amount::Mass(mass) => Amount::Mass(mass),
+            scene::Amount::Fill => Amount::Fill,
+        },
+        material: k as u8,
+        materials,
+        seed,
+    };
+    let placed = match &group.placement {
+        scene::Placement::Deposit(d) => {
+            let region = region(&d.lower, &d.upper);
+            packing::deposit(&region, &fill(d.seed), &packing::Deposit::default()).map(|bed| bed.particles)
+        }
+        scene::Placement::Lattice(l) => {
+            let kind = match l.arrangement {
+                scene::Arrangement::Square => packing::Lattice::Square,
+                scene::Arrangement::Triangular => packing::Lattice::Triangular,
+            };
+            packing::lattice(&region(&l.lower, &l.upper), kind, l.spacing, &fill(l.seed))
+        }
+        scene::Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed)),
+        scene::Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
+    };
+    let path = format!("grains[{k}].placement");
+    let grains = placed.map_err(|error| {
+        scene.error(&path, format!("`{path}`: {error}"), "change the box, the amount or the radius")
+    })?;
+    match group.amount {
+        scene::Amount::Count(count) if grains.len() < count => {
+            let path = format!("grains[{k}].amount.count");
+            let message = format!("`{path} = {count}`: only {} grains find a place", grains.len());
+            Err(scene.error(&path, message, "make the box larger, or ask for fewer"))
+        }
+        _ => Ok(grains),
+    }
+}
+
+/// A wall of the scene, at time 0 and by its law of motion.
+pub fn wall(scene: &Scene, described: &scene::Wall) -> Wall<2> {
+    let material = described.material.as_ref().and_then(|name| scene.materials.get(name));
+    let motion = match &described.motion {
+        None => Motion::Fixed,
+        Some(scene::Motion::Velocity(v)) => Motion::Translation { velocity: v.vector() },
+        Some(scene::Motion::Oscillate(o)) => {
+            Motion::Oscillation { amplitude: o.amplitude.vector(), frequency: o.frequency, phase: o.phase }
+        }
+        Some(scene::Motion::Rotate(r)) => Motion::Rotation { centre: r.centre.vector(), rate: r.rate },
+    };
+    let wall = Wall::new(described.name.clone(), described.from.vector(), described.to.vector());
+    Wall {
+        friction: described.friction.or(material.map(|m| m.friction)).unwrap_or(0.0),
+        restitution: described.restitution.or(material.map(|m| m.restitution)).unwrap_or(0.0),
+        conductivity: material.and_then(|m| m.conductivity),
+        temperature: described.temperature,
+        motion,
+        ..wall
+    }
+}
+
+fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {
+    Settings {
+        gravity: scene.gravity.vector(),
+        tolerance: contacts.tolerance,
+        max_sweeps: contacts.max_sweeps,
+        max_travel: contacts.max_travel,
+        max_substeps: contacts.max_substeps,
+        conduction: contacts.conduction.map(|law| match law {
+            scene::Conduction::Henry => Conduction::Henry,
+            scene::Conduction::HenryPrinted => Conduction::HenryPrinted,
+            scene::Conduction::Line => Conduction::Line,
+            scene::Conduction::Hertz => Conduction::Hertz,
+        }),
+        cohesion: contacts
+            .cohesion
+            .as_ref()
+            .map(|c| voidage_dem::Cohesion { force: c.force, steps: c.steps }),
+        ..Settings::default()
+    }
+}
+
+// ----------------------------------------------------------------------------------------------- fluid
+
+fn fluid(scene: &Scene, described: &scene::Fluid) -> Result<Fluid<2>> {
+    let mesh = Arc::new(mesh(scene, described)?);
+    let conditions: Vec<Condition<2>> = described.boundaries.iter().map(condition).collect();
+    let nodes = mesh.points.len();
+    let start = State {
+        velocity: vec![initial_velocity(described); nodes],
+        pressure: vec![0.0; nodes],
+        temperature: described.heat.as_ref().map(|heat| vec![heat.initial_temperature; nodes]),
+    };
+    let mut backend = RustFluid::<2, 3>::new(
+        properties(scene, described),
+        heat(described),
+        numerics(described),
+        conditions.clone(),
+    );
+    backend.start(&mesh, &start)?;
+    let nodal_volume = mesh.nodal_volume();
+    Ok(Fluid { backend: Box::new(backend), mesh, conditions, ramp: described.ramp, nodal_volume })
+}
+
+fn mesh(scene: &Scene, described: &scene::Fluid) -> Result<Mesh<2>> {
+    let (made, path) = match &described.mesh {
+        scene::MeshSource::Rectangle(rectangle) => (Mesh::rectangle(rectangle), "fluid.mesh.rectangle"),
+        scene::MeshSource::File(file) => (Mesh::read_msh(file), "fluid.mesh.file"),
+    };
+    let mesh = made.map_err(|error| {
+        scene.error(path, format!("`{path}`: {error}"), "give a mesh of triangles with named boundaries")
+    })?;
+    let names: Vec<&str> = mesh.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
+    scene.check_boundary_names(&names)?;
+    Ok(mesh)
+}
+
+fn properties(scene: &Scene, fluid: &scene::Fluid) -> Properties<2> {
+    Properties {
+        density: fluid.density,
+        viscosity: fluid.viscosity,
+        gravity: scene.gravity.vector(),
+        thin_cell_drag: fluid.thin_cell.as_ref().map_or(0.0, |cell| cell.drag),
+        drag_in_stabilisation: fluid.solver.drag_in_stabilisation,
+    }
+}
+
+fn heat(fluid: &scene::Fluid) -> Option<HeatProperties> {
+    let heat = fluid.heat.as_ref()?;
+    let thin_cell = fluid.thin_cell.as_ref().and_then(|cell| cell.heat.as_ref());
+    Some(HeatProperties {
+        scalar: Scalar {
+            capacity: fluid.density * heat.heat_capacity,
+            conductivity: heat.conductivity,
+            thin_cell: thin_cell
+                .map(|wall| ThinCellHeat { coefficient: wall.coefficient, temperature: wall.temperature }),
+        },
+        expansion: heat.expansion,
+        reference: heat.reference_temperature.unwrap_or(heat.initial_temperature),
+    })
+}
+
+fn numerics(fluid: &scene::Fluid) -> Numerics {
+    let method = match fluid.solver.linear {
+        scene::LinearMethod::Auto | scene::LinearMethod::Kept => Method::Multifrontal,
+        scene::LinearMethod::Direct => Method::MultifrontalFresh,
+        scene::LinearMethod::Ilu => Method::Ilu,
+    };
+    let tolerance = fluid.solver.tolerance;
+    let default = Numerics::default();
+    Numerics {
+        newton: fluid.solver.newton,
+        flow: Options { method, tolerance, ..default.flow },
+        heat: Options { tolerance, ..default.heat },
+    }
+}
+
+fn condition(boundary: &scene::Boundary) -> Condition<2> {
+    let uniform = |v: &scene::Coordinates| Prescribed::Uniform(v.vector());
+    Condition {
+        boundary: boundary.name.clone(),
+        flow: match &boundary.flow {
+            scene::Flow::Velocity(v) => FlowCondition::Velocity(uniform(v)),
+            scene::Flow::SuperficialVelocity(v) => FlowCondition::SuperficialVelocity(uniform(v)),
+            scene::Flow::NoSlip => FlowCondition::NoSlip,
+            scene::Flow::Slip => FlowCondition::Slip,
+            scene::Flow::Open { pressure } => FlowCondition::Open { pressure: *pressure },
+        },
+        heat: match &boundary.heat {
+            None | Some(scene::HeatBoundary::Adiabatic) => HeatCondition::Adiabatic,
+            Some(scene::HeatBoundary::Temperature(value)) => HeatCondition::Temperature(*value),
+            Some(scene::HeatBoundary::Newton { coefficient, temperature }) => {
+                HeatCondition::Newton { coefficient: *coefficient, temperature: *temperature }
+            }
+            Some(scene::HeatBoundary::Open { temperature }) => {
+                HeatCondition::Open { temperature: *temperature }
+            }
+        },
+    }
+}

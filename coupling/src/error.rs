@@ -1,0 +1,56 @@
+//! What can go wrong between a scene file and the last frame of its run.
+
+use crate::scene::SceneError;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Errors of the coupling. Non-convergence is part of a result and not an error.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The scene is wrong; the place in its file is known.
+    #[error("{0}")]
+    Scene(Box<SceneError>),
+    /// Another input (a restart file, a directory, an option) is wrong; the text says what is allowed.
+    #[error("{0}")]
+    Input(String),
+    /// The fluid could not be made or solved.
+    #[error(transparent)]
+    Fluid(#[from] voidage_fluid::Error),
+    /// The grains could not be made.
+    #[error(transparent)]
+    Grains(#[from] voidage_dem::Error),
+    /// A file could not be read or written.
+    #[error("{path}: cannot {action}: {source}", path = path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What was tried: `read`, `write`, ..
+        action: &'static str,
+        /// What the system answered.
+        source: io::Error,
+    },
+    /// The run cannot go on.
+    #[error("{0}")]
+    Run(String),
+}
+
+/// Result of the coupling.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// Whether the input is wrong (exit code 2) rather than the run (exit code 1).
+    pub fn is_input(&self) -> bool {
+        matches!(self, Error::Scene(_) | Error::Input(_) | Error::Grains(_))
+    }
+
+    /// An error of the file system at `path`.
+    pub fn file(path: &Path, action: &'static str, source: io::Error) -> Self {
+        Error::File { path: path.to_path_buf(), action, source }
+    }
+}
+
+impl From<Box<SceneError>> for Error {
+    fn from(error: Box<SceneError>) -> Self {
+        Error::Scene(error)
+    }
+}

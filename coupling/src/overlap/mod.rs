@@ -1,0 +1,290 @@
+//! Grains cut by the elements of the fluid mesh (Eqs. A.14, A.15 of the paper), and the voidage that follows.
+//!
+//! Each grain is followed from step to step: its last cell is where the search for its centre starts. From the cell of
+//! the centre the grain spreads over every facet it reaches, and in each cell its part is computed exactly.
+
+mod disc;
+#[cfg(test)]
+mod tests;
+mod voidage;
+
+pub use voidage::{LEAST_VOIDAGE, voidage};
+
+use disc::Point;
+use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
+use voidage_fluid::exchange::Pieces;
+use voidage_fluid::mesh::{Locator, Neighbours};
+use voidage_fluid::{Error, Mesh, Result, Vector};
+
+/// Grains per unit of parallel work: fixed, so that results do not depend on the number of threads.
+const CHUNK: usize = 64;
+/// Parts below this share of the grain are round-off and no pieces.
+const LEAST_SHARE: f64 = 1e-14;
+/// No cell known yet.
+const UNKNOWN: u32 = u32::MAX;
+
+/// Cuts grains by the cells of a mesh. Keeps its memory from call to call.
+#[derive(Debug)]
+pub struct Overlap<const D: usize> {
+    locator: Locator<D>,
+    /// The cell of each grain's centre when last seen. It makes the search short and changes no result.
+    hints: Vec<u32>,
+    chunks: Vec<Chunk<D>>,
+    /// One per thread.
+    scratch: Vec<Mutex<Scratch>>,
+}
+
+/// What a cut of all grains came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CutReport {
+    /// Number of pieces.
+    pub pieces: usize,
+    /// Largest share of a grain that the boundary of the mesh cuts off (no unit).
+    pub cut_off: f64,
+    /// Largest relative difference between the sum of the parts and the whole, over grains that the boundary does not
+    /// touch: the round-off of the cut.
+    pub defect: f64,
+}
+
+#[derive(Debug, Default)]
+struct Chunk<const D: usize> {
+    pieces: Pieces<D>,
+    report: CutReport,
+    /// The first grain outside of the mesh.
+    outside: Option<usize>,
+}
+
+/// The state of one spreading.
+#[derive(Debug, Default)]
+struct Scratch {
+    /// When a cell was last visited, counted in grains.
+    visited: Vec<u32>,
+    now: u32,
+    to_visit: Vec<u32>,
+    parts: Vec<CellPart>,
+}
+
+/// The part of a grain in a cell.
+#[derive(Clone, Copy, Debug)]
+struct CellPart {
+    cell: u32,
+    area: f64,
+    coordinate: [f64; 2],
+}
+
+impl<const D: usize> Overlap<D> {
+    /// Prepares the search in a mesh.
+    pub fn new(mesh: &Mesh<D>) -> Result<Self> {
+        if D != 2 {
+            return Err(Error::Mesh("grains can be cut by the mesh only in the plane so far (D = 2)".into()));
+        }
+        let locator = Locator::new(mesh)?;
+        Ok(Self { locator, hints: Vec::new(), chunks: Vec::new(), scratch: Vec::new() })
+    }
+
+    /// Tells that the nodes of the mesh have moved; the cells must be the same. A new mesh needs a new `Overlap`.
+    pub fn moved(&mut self, mesh: &Mesh<D>) {
+        self.locator.moved(mesh);
+    }
+
+    /// The search for cells.
+    pub fn locator(&self) -> &Locator<D> {
+        &self.locator
+    }
+
+    /// Cuts the discs of the given centres and radii (m) into `pieces`, grain by grain in the order of cells. The result
+    /// depends on nothing but its arguments: not on earlier calls and not on the number of threads.
+    ///
+    /// What lies outside of the mesh is dropped, and the rest scaled to the whole. Of a grain cut in two by a
+    /// thin wall the part with the centre counts. A grain wholly outside is an error.
+    pub fn cut(
+        &mut self,
+        mesh: &Mesh<D>,
+        positions: &[Vector<D>],
+        radii: &[f64],
+        pieces: &mut Pieces<D>,
+    ) -> Result<CutReport> {
+        if positions.len() != radii.len() {
+            let text = format!("{} positions and {} radii", positions.len(), radii.len());
+            return Err(Error::Mesh(text));
+        }
+        self.hints.resize(positions.len(), UNKNOWN);
+        self.chunks.resize_with(positions.len().div_ceil(CHUNK), Chunk::default);
+        let threads = rayon::current_num_threads().max(1);
+        self.scratch.resize_with(threads.max(self.scratch.len()), Mutex::default);
+
+        let (locator, scratch) = (&self.locator, &self.scratch);
+        let grains =
+            self.hints.par_chunks_mut(CHUNK).zip(positions.par_chunks(CHUNK)).zip(radii.par_chunks(CHUNK));
+        self.chunks.par_iter_mut().zip(grains).for_each(|(chunk, ((hints, positions), radii))| {
+            let thread = rayon::current_thread_index().unwrap_or(0) % scratch.len();
+            let mut scratch = scratch[thread].lock().unwrap_or_else(PoisonError::into_inner);
+            chunk.cut(mesh, locator, &mut scratch, hints, positions, radii);
+        });
+        self.gather(positions, radii, pieces)
+    }
+
+    /// Strings the chunks together.
+    fn gather(&self, positions: &[Vector<D>], radii: &[f64], pieces: &mut Pieces<D>) -> Result<CutReport> {
+        let mut report = CutReport::default();
+        pieces.clear();
+        pieces.first.push(0);
+        for (i, chunk) in self.chunks.iter().enumerate() {
+            if let Some(grain) = chunk.outside {
+                let grain = i * CHUNK + grain;
+                return Err(Error::Mesh(format!(
+                    "grain {grain} at {:?} of radius {} lies outside of the mesh",
+                    positions[grain].as_slice(),
+                    radii[grain]
+                )));
+            }
+            let before = pieces.len() as u32;
+            pieces.first.extend(chunk.pieces.first.iter().map(|end| before + end));
+            pieces.cell.extend_from_slice(&chunk.pieces.cell);
+            pieces.coordinate.extend_from_slice(&chunk.pieces.coordinate);
+            pieces.share.extend_from_slice(&chunk.pieces.share);
+            report.cut_off = report.cut_off.max(chunk.report.cut_off);
+            report.defect = report.defect.max(chunk.report.defect);
+        }
+        report.pieces = pieces.len();
+        Ok(report)
+    }
+}
+
+impl<const D: usize> Chunk<D> {
+    fn cut(
+        &mut self,
+        mesh: &Mesh<D>,
+        locator: &Locator<D>,
+        scratch: &mut Scratch,
+        hints: &mut [u32],
+        positions: &[Vector<D>],
+        radii: &[f64],
+    ) {
+        self.pieces.clear();
+        self.report = CutReport::default();
+        self.outside = None;
+        for (i, ((hint, centre), &radius)) in hints.iter_mut().zip(positions).zip(radii).enumerate() {
+            let start =
+                locator.locate(mesh, centre, Some(*hint)).or_else(|| nearest(mesh, locator, centre, radius));
+            let whole = std::f64::consts::PI * radius * radius;
+            let Some(start) = start.filter(|_| radius > 0.0 && whole.is_finite()) else {
+                self.outside = Some(i);
+                return;
+            };
+            *hint = start;
+            let at_boundary = scratch.spread(mesh, locator.neighbours(), start, centre, radius);
+            let total: f64 = scratch.parts.iter().map(|part| part.area).sum();
+            if total <= 0.0 {
+                self.outside = Some(i);
+                return;
+            }
+            for part in &scratch.parts {
+                self.pieces.cell.push(part.cell);
+                self.pieces.share.push(part.area / total);
+                self.pieces.coordinate.push(Vector::from_fn(|k, _| part.coordinate[k]));
+            }
+            // Here the ends of the grains, from the first on: `gather` puts the zero before them.
+            self.pieces.first.push(self.pieces.cell.len() as u32);
+            let missing = 1.0 - total / whole;
+            if at_boundary {
+                self.report.cut_off = self.report.cut_off.max(missing);
+            } else {
+                self.report.defect = self.report.defect.max(missing.abs());
+            }
+        }
+    }
+}
+
+impl Scratch {
+    /// Leaves in `parts` the parts of a disc in the order of cells, and tells whether it reaches the boundary.
+    fn spread<const D: usize>(
+        &mut self,
+        mesh: &Mesh<D>,
+        neighbours: &Neighbours<D>,
+        start: u32,
+        centre: &Vector<D>,
+        radius: f64,
+    ) -> bool {
+        self.visited.resize(mesh.cell_count(), 0);
+        self.now = self.now.wrapping_add(1);
+        if self.now == 0 {
+            self.visited.fill(0);
+            self.now = 1;
+        }
+        self.parts.clear();
+        self.to_visit.clear();
+        self.to_visit.push(start);
+        self.visited[start as usize] = self.now;
+        let least = LEAST_SHARE * std::f64::consts::PI * radius * radius;
+        let mut at_boundary = false;
+        while let Some(cell) = self.to_visit.pop() {
+            let corners = corners(mesh, cell as usize, centre);
+            let part = disc::cut(corners, radius);
+            if part.area > least {
+                let coordinate = barycentric(corners, part.moment.map(|m| m / part.area));
+                self.parts.push(CellPart { cell, area: part.area, coordinate });
+            }
+            for (k, &next) in neighbours.of(cell as usize).iter().enumerate() {
+                if part.reach >> k & 1 == 0 {
+                    continue;
+                }
+                if next == Neighbours::<D>::NONE {
+                    at_boundary = true;
+                } else if self.visited[next as usize] != self.now {
+                    self.visited[next as usize] = self.now;
+                    self.to_visit.push(next);
+                }
+            }
+        }
+        self.parts.sort_unstable_by_key(|part| part.cell);
+        at_boundary
+    }
+}
+
+/// The corners of a triangle relative to a centre.
+fn corners<const D: usize>(mesh: &Mesh<D>, cell: usize, centre: &Vector<D>) -> [Point; 3] {
+    let nodes = mesh.cell(cell);
+    [0, 1, 2].map(|k| {
+        let p = &mesh.points[nodes[k] as usize];
+        [p[0] - centre[0], p[1] - centre[1]]
+    })
+}
+
+/// Barycentric coordinates 1 and 2 of a point of a triangle. Centroids of parts that are hardly more than round-off may
+/// fall outside by round-off: they are moved in.
+fn barycentric(p: [Point; 3], q: Point) -> [f64; 2] {
+    let (ax, ay) = (p[1][0] - p[0][0], p[1][1] - p[0][1]);
+    let (bx, by) = (p[2][0] - p[0][0], p[2][1] - p[0][1]);
+    let (qx, qy) = (q[0] - p[0][0], q[1] - p[0][1]);
+    let whole = ax * by - ay * bx;
+    let (u, v) = (((qx * by - qy * bx) / whole).max(0.0), ((ax * qy - ay * qx) / whole).max(0.0));
+    let sum = (u + v).max(1.0);
+    [u / sum, v / sum]
+}
+
+/// The cell nearest to a point outside of the mesh, among those nearer than `radius`.
+fn nearest<const D: usize>(
+    mesh: &Mesh<D>,
+    locator: &Locator<D>,
+    centre: &Vector<D>,
+    radius: f64,
+) -> Option<u32> {
+    let reach = Vector::repeat(radius);
+    let mut best = (radius * radius, UNKNOWN);
+    locator.for_cells_near(&(centre - reach), &(centre + reach), |cell| {
+        let p = corners(mesh, cell, centre);
+        for k in 0..3 {
+            let (a, b) = (p[k], p[(k + 1) % 3]);
+            let u = [b[0] - a[0], b[1] - a[1]];
+            let t = (-(a[0] * u[0] + a[1] * u[1]) / (u[0] * u[0] + u[1] * u[1])).clamp(0.0, 1.0);
+            let q = [a[0] + t * u[0], a[1] + t * u[1]];
+            let candidate = (q[0] * q[0] + q[1] * q[1], cell as u32);
+            if candidate < best {
+                best = candidate;
+            }
+        }
+    });
+    (best.1 != UNKNOWN).then_some(best.1)
+}

@@ -1,0 +1,210 @@
+//! The tables of the fluid, its boundaries, and its coupling to the grains.
+
+use super::Coordinates;
+use crate::closure::{Drag, HeatTransfer, VoidageFunction};
+use crate::scheme::SchemeName;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use voidage_fluid::mesh::Rectangle;
+
+/// The fluid: volume-averaged Navier-Stokes on a mesh.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fluid {
+    /// Density, kg/m3. Above 0.
+    pub density: f64,
+    /// Dynamic viscosity, Pa s. Above 0.
+    pub viscosity: f64,
+    /// Velocity at the start, m/s. Default: at rest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_velocity: Option<Coordinates>,
+    /// Time over which prescribed velocities grow linearly from 0, s. Default 0: they are there from the start.
+    #[serde(default)]
+    pub ramp: f64,
+    /// Where the mesh comes from: `{rectangle = {..}}` or `{file = "name.msh"}`.
+    pub mesh: MeshSource,
+    /// Temperature of the fluid. Default: none, the fluid has no temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<FluidHeat>,
+    /// Drag and heat of the front and rear walls of a thin cell (plane only). Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thin_cell: Option<ThinCell>,
+    /// Conditions by name of boundary; where two meet the later one wins. Every boundary of the mesh needs one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub boundaries: Vec<Boundary>,
+    /// How the equations are solved. Default: the defaults of its keys.
+    #[serde(default)]
+    pub solver: FluidSolver,
+}
+
+/// Where the mesh comes from.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MeshSource {
+    /// A rectangle, meshed here.
+    Rectangle(Rectangle),
+    /// A Gmsh .msh file (format 4.1) with physical names, path relative to the scene.
+    File(PathBuf),
+}
+
+/// Temperature of the fluid.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FluidHeat {
+    /// Heat capacity at constant pressure, J/(kg K). Above 0.
+    pub heat_capacity: f64,
+    /// Thermal conductivity, W/(m K). Above 0.
+    pub conductivity: f64,
+    /// Thermal expansion coefficient of the Boussinesq buoyancy, 1/K. Default 0: no buoyancy.
+    #[serde(default)]
+    pub expansion: f64,
+    /// Temperature at which the buoyancy is zero, K. Default: the initial temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_temperature: Option<f64>,
+    /// Temperature at the start, K.
+    pub initial_temperature: f64,
+}
+
+/// Front and rear walls of a thin cell, averaged over its thickness.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ThinCell {
+    /// Drag coefficient per volume, kg/(m3 s): `12 viscosity / thickness^2` for a Poiseuille profile.
+    pub drag: f64,
+    /// Heat exchanged with the two walls. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<ThinCellHeat>,
+}
+
+/// Heat exchanged with the front and rear walls of a thin cell.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ThinCellHeat {
+    /// Coefficient per volume, W/(m3 K).
+    pub coefficient: f64,
+    /// Temperature of the walls, K.
+    pub temperature: f64,
+}
+
+/// The conditions on one named part of the boundary.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Boundary {
+    /// Name of the part, as the mesh has it.
+    pub name: String,
+    /// Condition of the flow: `{velocity = [..]}`, `{superficial_velocity = [..]}`, `"no-slip"`, `"slip"` or
+    /// `{open = {pressure = 0.0}}`.
+    pub flow: Flow,
+    /// Condition of the temperature: `{temperature = T}`, `{newton = {coefficient = h, temperature = T}}`,
+    /// `"adiabatic"` or `{open = {temperature = T}}`. Default: adiabatic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<HeatBoundary>,
+}
+
+/// Condition of the flow.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Flow {
+    /// Prescribed interstitial velocity, m/s.
+    Velocity(Coordinates),
+    /// Prescribed velocity times voidage, m/s.
+    #[serde(rename = "superficial_velocity")]
+    SuperficialVelocity(Coordinates),
+    /// The fluid stands at the wall.
+    NoSlip,
+    /// The fluid slides along the wall.
+    Slip,
+    /// Open to an outer pressure; fluid may leave and enter.
+    Open {
+        /// Outer pressure, Pa. Default 0.
+        #[serde(default)]
+        pressure: f64,
+    },
+}
+
+/// Condition of the temperature.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum HeatBoundary {
+    /// Prescribed temperature, K.
+    Temperature(f64),
+    /// Newton cooling.
+    Newton {
+        /// Heat-transfer coefficient, W/(m2 K).
+        coefficient: f64,
+        /// Temperature outside, K.
+        temperature: f64,
+    },
+    /// No heat passes.
+    Adiabatic,
+    /// Heat leaves with the fluid.
+    Open {
+        /// Temperature of fluid that enters, K. Default: fluid enters with the temperature it has at the boundary.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        temperature: Option<f64>,
+    },
+}
+
+/// How the equations of the fluid are solved.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FluidSolver {
+    /// Linear solver. Default `"auto"`: the fastest for the dimension.
+    pub linear: LinearMethod,
+    /// Relative residual of the linear systems. Default 1e-8.
+    pub tolerance: f64,
+    /// Newton iterations per time step. Default 1.
+    pub newton: usize,
+    /// Whether the drag enters the stabilisation parameter of the momentum equation. Default false.
+    pub drag_in_stabilisation: bool,
+}
+
+impl Default for FluidSolver {
+    fn default() -> Self {
+        FluidSolver { linear: LinearMethod::Auto, tolerance: 1e-8, newton: 1, drag_in_stabilisation: false }
+    }
+}
+
+/// Linear solvers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum LinearMethod {
+    /// The fastest for the dimension.
+    Auto,
+    /// A new factorisation in every step: the safe mode.
+    Direct,
+    /// GMRES with factors kept over the steps as preconditioner.
+    Kept,
+    /// GMRES with an incomplete factorisation as preconditioner.
+    Ilu,
+}
+
+/// How grains and fluid act on each other.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Coupling {
+    /// Coupling scheme: `"henry"` (predicted velocity with the last contact force), `"henry-free"` (without it) or
+    /// `"explicit"`. Default `"henry"`.
+    pub scheme: SchemeName,
+    /// Drag law: `"dallavalle"` (times the voidage function) or `"gidaspow"`. Default `"dallavalle"`.
+    pub drag: Drag,
+    /// Voidage function of drag and heat: `"henry"`, `"henry-interstitial"`, `"di-felice"`, `"migflow"` or `"none"`.
+    /// Default `"henry"`.
+    pub voidage_function: VoidageFunction,
+    /// Law of the heat that grains and fluid exchange: `"henry"` (times the voidage function), `"gunn"`,
+    /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heat: Option<HeatTransfer>,
+}
+
+impl Default for Coupling {
+    fn default() -> Self {
+        Coupling {
+            scheme: SchemeName::Henry,
+            drag: Drag::Dallavalle,
+            voidage_function: VoidageFunction::Henry,
+            heat: None,
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! The tables of grains, walls and contacts.
+
+use super::Coordinates;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// A material of grains or walls.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Material {
+    /// Density of the solid, kg/m3. Above 0.
+    pub density: f64,
+    /// Coulomb friction coefficient between grains; two materials meet with the smaller one. Default 0.
+    #[serde(default)]
+    pub friction: f64,
+    /// Coefficient of normal restitution, 0 to 1; two materials meet with the smaller one. Default 0.
+    #[serde(default)]
+    pub restitution: f64,
+    /// Young's modulus, Pa; asked for by every law of contact conduction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub young: Option<f64>,
+    /// Poisson's ratio, -1 to 0.5; asked for by every law of contact conduction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub poisson: Option<f64>,
+    /// Thermal conductivity, W/(m K); asked for by every law of contact conduction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conductivity: Option<f64>,
+    /// Heat capacity, J/(kg K); asked for when the grains have a temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat_capacity: Option<f64>,
+}
+
+/// A group of grains.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Grains {
+    /// Name of one of the materials.
+    pub material: String,
+    /// Radius, m: `{constant = r}` or `{uniform = [smallest, largest]}`. Not with a CSV file, which has its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<Radius>,
+    /// Share of the disc that is solid, above 0 up to 1. Default 1.
+    #[serde(default = "one")]
+    pub solidity: f64,
+    /// How many: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`. Default `"fill"`.
+    #[serde(default)]
+    pub amount: Amount,
+    /// Where they start.
+    pub placement: Placement,
+    /// Velocity at the start, m/s. Default: at rest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<Coordinates>,
+    /// Temperature at the start, K. Default: grains have no temperature; all groups have one or none has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<f64>,
+    /// Held in place: the grains never move. Default false.
+    #[serde(default)]
+    pub fixed: bool,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Radii of a group of grains.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Radius {
+    /// All grains have this radius, m.
+    Constant(f64),
+    /// Radii uniformly distributed between these two, m.
+    Uniform([f64; 2]),
+}
+
+impl Radius {
+    /// Smallest radius, m.
+    pub fn smallest(&self) -> f64 {
+        match self {
+            Radius::Constant(r) | Radius::Uniform([r, _]) => *r,
+        }
+    }
+
+    /// Largest radius, m.
+    pub fn largest(&self) -> f64 {
+        match self {
+            Radius::Constant(r) | Radius::Uniform([_, r]) => *r,
+        }
+    }
+}
+
+/// How many grains a group has.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Amount {
+    /// As many as reach this mass, kg (kg per m of depth in the plane).
+    Mass(f64),
+    /// This many.
+    Count(usize),
+    /// As many as the place holds: all points of a lattice, all rows of a file.
+    #[default]
+    Fill,
+}
+
+/// Where a group of grains starts.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Placement {
+    /// Poured into a box and settled by gravity before time 0.
+    Deposit(Deposit),
+    /// On a regular lattice, row by row from the bottom.
+    Lattice(Lattice),
+    /// At random, without overlap.
+    Random(RandomBox),
+    /// Read from a file.
+    Csv(GrainsFile),
+}
+
+/// A box into which grains are poured.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Deposit {
+    /// Lower corner of the box, m.
+    pub lower: Coordinates,
+    /// Upper corner of the box, m.
+    pub upper: Coordinates,
+    /// Seed of the random numbers. Default 1.
+    #[serde(default = "first_seed")]
+    pub seed: u64,
+}
+
+fn first_seed() -> u64 {
+    1
+}
+
+/// A regular lattice of grains.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lattice {
+    /// Lower corner of the box that holds the whole grains, m.
+    pub lower: Coordinates,
+    /// Upper corner of the box that holds the whole grains, m.
+    pub upper: Coordinates,
+    /// `"square"`, or `"triangular"` with every second row shifted by half a spacing. Default `"square"`.
+    #[serde(default)]
+    pub arrangement: Arrangement,
+    /// Distance between neighbours over the largest diameter, at least 1. Default 1.
+    #[serde(default = "one")]
+    pub spacing: f64,
+    /// Seed of the random radii. Default 1.
+    #[serde(default = "first_seed")]
+    pub seed: u64,
+}
+
+/// Regular arrangements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Arrangement {
+    /// Rows above each other.
+    #[default]
+    Square,
+    /// Rows shifted by half a spacing.
+    Triangular,
+}
+
+/// A box in which grains are placed at random, without overlap.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RandomBox {
+    /// Lower corner of the box that holds the whole grains, m.
+    pub lower: Coordinates,
+    /// Upper corner of the box that holds the whole grains, m.
+    pub upper: Coordinates,
+    /// Seed of the random numbers. Default 1.
+    #[serde(default = "first_seed")]
+    pub seed: u64,
+}
+
+/// Grains read from a file.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GrainsFile {
+    /// CSV file with a header, path relative to the scene: columns `x,y` and `r` (m), and optionally `vx,vy` (m/s) and
+    /// `T` (K), which go before the values of the group.
+    pub file: PathBuf,
+}
+
+/// A straight wall: a segment in the plane.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Name, for messages and records.
+    pub name: String,
+    /// First end, m.
+    pub from: Coordinates,
+    /// Second end, m.
+    pub to: Coordinates,
+    /// Name of one of the materials: friction, restitution and conductivity. Default: none, a perfect conductor of heat.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
+    /// Coulomb friction coefficient between the wall and grains. Default: that of the material, or 0 without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
+    /// Coefficient of normal restitution between the wall and grains. Default: that of the material, or 0 without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restitution: Option<f64>,
+    /// Temperature, K. Default: none, no heat passes between the wall and grains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<f64>,
+    /// How it moves. Default: not at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
+}
+
+/// How a wall moves.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Motion {
+    /// Constant velocity, m/s.
+    Velocity(Coordinates),
+    /// To and fro along a line.
+    Oscillate(Oscillation),
+    /// Round a point.
+    Rotate(Rotation),
+}
+
+/// A displacement `amplitude sin(2 pi frequency t + phase)`, less its value at t = 0.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Oscillation {
+    /// Amplitude, m.
+    pub amplitude: Coordinates,
+    /// Frequency, Hz.
+    pub frequency: f64,
+    /// Phase, rad. Default 0.
+    #[serde(default)]
+    pub phase: f64,
+}
+
+/// A rotation round a point.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rotation {
+    /// The point that stays, m.
+    pub centre: Coordinates,
+    /// Angular velocity, rad/s, positive anticlockwise.
+    pub rate: f64,
+}
+
+/// How contacts are solved.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Contacts {
+    /// Relative natural-map residual at which the sweeps stop. Default 1e-4.
+    pub tolerance: f64,
+    /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
+    pub max_sweeps: usize,
+    /// Share of its radius that a grain may cross in one sub-step. Default 0.5.
+    pub max_travel: f64,
+    /// Most sub-steps of a step. Default 100.
+    pub max_substeps: usize,
+    /// Whether grains spin. Default true.
+    pub rotation: bool,
+    /// Law of heat conduction through contacts: `"henry"`, `"henry-printed"`, `"line"` (plane) or `"hertz"` (space).
+    /// Default: contacts conduct no heat.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub conduction: Option<Conduction>,
+    /// Cohesion of grains that touch. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cohesion: Option<Cohesion>,
+}
+
+impl Default for Contacts {
+    fn default() -> Self {
+        Contacts {
+            tolerance: 1e-4,
+            max_sweeps: 1000,
+            max_travel: 0.5,
+            max_substeps: 100,
+            rotation: true,
+            conduction: None,
+            cohesion: None,
+        }
+    }
+}
+
+/// Laws of heat conduction through a contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Conduction {
+    /// B.3, B.4 of Henry et al. with the harmonic mean of the conductivities, as their text says.
+    Henry,
+    /// The same with the mean as printed.
+    HenryPrinted,
+    /// Line contact of discs, dimensionally consistent (plane).
+    Line,
+    /// Point contact of spheres (space).
+    Hertz,
+}
+
+/// An adhesive force at every contact.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Cohesion {
+    /// Adhesive force, N (N per m of depth in the plane).
+    pub force: f64,
+    /// Steps that a contact must have lasted before it sticks. Default 2.
+    #[serde(default = "two_steps")]
+    pub steps: u16,
+}
+
+fn two_steps() -> u16 {
+    2
+}

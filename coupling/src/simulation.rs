@@ -1,0 +1,245 @@
+//! A scene in motion: what the program, the tests and the recorder drive.
+
+use crate::error::Result;
+use crate::recorder::{Checkpoint, FluidView, GrainView, View};
+use crate::scene::Scene;
+use crate::{Coupled, Phases, StepReport, build};
+use serde::{Deserialize, Serialize};
+use voidage_fluid::Vector;
+use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::flow;
+
+/// The coupled system of a plane scene, its step, and what has added up over the steps.
+pub struct Simulation {
+    coupled: Coupled<2>,
+    dt: f64,
+    /// Fields of the fluid as last asked for.
+    fields: Option<flow::State<2>>,
+    last: StepReport,
+    totals: Totals,
+    bed_weight_per_area: Option<f64>,
+}
+
+/// Sums and extremes over the steps of this process; what the scene does not have is `None`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Totals {
+    /// Wall time by phase.
+    pub phases: Phases,
+    /// Largest overlap of grains, as a share of the radius.
+    pub max_penetration_over_radius: Option<f64>,
+    /// Steps whose contacts did not reach the tolerance.
+    pub unconverged_steps: u64,
+    /// Largest [`StepReport::momentum_exchange_defect`].
+    pub momentum_exchange_defect: Option<f64>,
+    /// Largest [`StepReport::energy_exchange_defect`].
+    pub energy_exchange_defect: Option<f64>,
+    /// Largest [`StepReport::solid_volume_defect`].
+    pub solid_volume_defect: Option<f64>,
+}
+
+/// All that a run needs to go on as if it had never stopped.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct State {
+    time: f64,
+    steps: u64,
+    grains: Option<voidage_dem::State<2>>,
+    fluid: Option<flow::State<2>>,
+    at: Option<AtBodies<2>>,
+}
+
+impl Totals {
+    fn add(&mut self, report: &StepReport) {
+        let raise = |worst: &mut Option<f64>, now: Option<f64>| {
+            *worst = now.map(|now| worst.map_or(now, |worst| worst.max(now))).or(*worst);
+        };
+        self.phases.add(&report.phases);
+        self.unconverged_steps += u64::from(report.grains.is_some_and(|grains| !grains.converged));
+        raise(&mut self.max_penetration_over_radius, report.grains.map(|g| g.max_penetration_over_radius));
+        raise(&mut self.momentum_exchange_defect, report.momentum_exchange_defect);
+        raise(&mut self.energy_exchange_defect, report.energy_exchange_defect);
+        raise(&mut self.solid_volume_defect, report.solid_volume_defect);
+    }
+}
+
+impl Simulation {
+    /// The scene at time zero.
+    ///
+    /// # Errors
+    /// Those of [`build::coupled`].
+    pub fn new(scene: &Scene) -> Result<Self> {
+        let coupled = build::coupled(scene)?;
+        let bed_weight_per_area = bed_weight_per_area(&coupled);
+        let (last, totals) = (StepReport::default(), Totals::default());
+        Ok(Self { coupled, dt: scene.time.step, fields: None, last, totals, bed_weight_per_area })
+    }
+
+    /// The scene at a checkpoint.
+    ///
+    /// # Errors
+    /// Those of [`build::coupled`], and a checkpoint that does not fit the scene.
+    pub fn restart(scene: &Scene, checkpoint: &Checkpoint) -> Result<Self> {
+        let mut simulation = Self::new(scene)?;
+        let state: State = checkpoint.state()?;
+        let coupled = &mut simulation.coupled;
+        coupled.set_time(state.time, state.steps);
+        if let (Some(grains), Some(state)) = (&mut coupled.grains, state.grains) {
+            grains.restore(state)?;
+        }
+        if let (Some(fluid), Some(fields)) = (&mut coupled.fluid, state.fluid) {
+            fluid.backend.start(&fluid.mesh, &fields)?;
+        }
+        if let (Some(interaction), Some(at)) = (&mut coupled.interaction, state.at) {
+            interaction.at = at;
+        }
+        Ok(simulation)
+    }
+
+    /// The coupled system.
+    pub fn coupled(&self) -> &Coupled<2> {
+        &self.coupled
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> f64 {
+        self.coupled.time()
+    }
+
+    /// Steps done since time zero.
+    pub fn steps(&self) -> u64 {
+        self.coupled.steps()
+    }
+
+    /// Sums and extremes over the steps of this process.
+    pub fn totals(&self) -> &Totals {
+        &self.totals
+    }
+
+    /// Weight of the grains less buoyancy, over the width of the mesh, Pa; with grains and fluid only.
+    pub fn bed_weight_per_area(&self) -> Option<f64> {
+        self.bed_weight_per_area
+    }
+
+    /// One step.
+    ///
+    /// # Errors
+    /// Those of [`Coupled::step`], with step and time in front.
+    pub fn step(&mut self) -> Result<StepReport> {
+        let (step, time) = (self.steps() + 1, self.time());
+        let report = self
+            .coupled
+            .step(self.dt)
+            .map_err(|error| crate::Error::Run(format!("step {step}, from t = {time:.6e} s: {error}")))?;
+        self.last = report;
+        self.totals.add(&report);
+        Ok(report)
+    }
+
+    /// Fetches the fields of the fluid and the voidage of the grains where they are now, for [`Self::view`].
+    ///
+    /// # Errors
+    /// The fluid solver cannot be reached, a grain is outside the mesh.
+    pub fn refresh(&mut self) -> Result<()> {
+        if let Some(fluid) = &mut self.coupled.fluid {
+            self.fields = Some(fluid.backend.fields()?);
+        }
+        self.coupled.cut_grains(&mut StepReport::default())
+    }
+
+    /// What the recorder writes; the fluid as of the last [`Self::refresh`].
+    pub fn view(&self) -> View<'_, 2> {
+        let grains = self.coupled.grains.as_ref().map(|grains| {
+            let particles = &grains.particles;
+            GrainView {
+                position: &particles.position,
+                velocity: &particles.velocity,
+                radius: &particles.radius,
+                mass: &particles.mass,
+                volume: &particles.volume,
+                spin: particles.rotation.as_ref().map(|rotation| rotation.spin.as_slice()),
+                temperature: particles.heat.as_ref().map(|heat| heat.temperature.as_slice()),
+            }
+        });
+        let fluid = self.coupled.fluid.as_ref().zip(self.fields.as_ref()).map(|(fluid, fields)| FluidView {
+            mesh: &fluid.mesh,
+            velocity: &fields.velocity,
+            pressure: &fields.pressure,
+            voidage: self.coupled.interaction.as_ref().map(|i| i.load.voidage.as_slice()),
+            temperature: fields.temperature.as_deref(),
+        });
+        View { grains, fluid }
+    }
+
+    /// Columns of the series that the view does not show: how the last step went; zeros before the first, so that the columns
+    /// are always the same.
+    pub fn readings(&self) -> Vec<(&'static str, f64)> {
+        let mut readings = Vec::new();
+        let last = &self.last;
+        if self.coupled.grains.is_some() {
+            let grains = last.grains.unwrap_or_default();
+            readings.extend([
+                ("contacts", grains.contacts as f64),
+                ("contact_sweeps", grains.sweeps as f64),
+                ("contact_residual", grains.residual),
+                ("substeps", grains.substeps as f64),
+            ]);
+        }
+        if self.coupled.fluid.is_some() {
+            let fluid = last.fluid.unwrap_or_default();
+            readings.push(("linear_iterations", fluid.flow_iterations as f64));
+        }
+        if let Some(interaction) = &self.coupled.interaction {
+            readings.push(("momentum_exchange_defect", last.momentum_exchange_defect.unwrap_or(0.0)));
+            if interaction.load.heat.is_some() {
+                readings.push(("fluid_to_grain_heat_W_per_m", interaction.heat.iter().sum()));
+                readings.push(("energy_exchange_defect", last.energy_exchange_defect.unwrap_or(0.0)));
+            }
+        }
+        readings
+    }
+
+    /// The state to write in a checkpoint. What the linear solver keeps between steps is dropped, here as at a
+    /// restart, so that a restarted run equals this one bit for bit.
+    ///
+    /// # Errors
+    /// The fluid solver cannot be reached.
+    pub fn state(&mut self) -> Result<State> {
+        let coupled = &mut self.coupled;
+        let fluid = match &mut coupled.fluid {
+            None => None,
+            Some(fluid) => {
+                let fields = fluid.backend.fields()?;
+                fluid.backend.start(&fluid.mesh, &fields)?;
+                Some(fields)
+            }
+        };
+        Ok(State {
+            time: coupled.time(),
+            steps: coupled.steps(),
+            grains: coupled.grains.as_ref().map(|grains| grains.state()),
+            fluid,
+            at: coupled.interaction.as_ref().map(|interaction| interaction.at.clone()),
+        })
+    }
+}
+
+/// (m - rho_f V) g over the extent of the mesh across gravity, grains that are held excepted.
+fn bed_weight_per_area(coupled: &Coupled<2>) -> Option<f64> {
+    let (grains, fluid, interaction) =
+        (coupled.grains.as_ref()?, coupled.fluid.as_ref()?, coupled.interaction.as_ref()?);
+    let gravity = grains.settings().gravity;
+    if gravity.norm() == 0.0 {
+        return None;
+    }
+    let across = Vector::<2>::new(-gravity[1], gravity[0]).normalize();
+    let (lower, upper) = fluid.mesh.bounds();
+    let width = (upper - lower).abs().dot(&across.abs());
+    let particles = &grains.particles;
+    let mass: f64 = particles
+        .mass
+        .iter()
+        .zip(&particles.volume)
+        .filter(|(mass, _)| mass.is_finite())
+        .map(|(mass, volume)| mass - interaction.laws.density * volume)
+        .sum();
+    Some(mass * gravity.norm() / width)
+}

@@ -1,0 +1,408 @@
+//! The simulation: state, and one step.
+
+use crate::error::{Error, Result};
+use crate::heat::Conductor;
+use crate::memory::{Memory, WALL};
+use crate::search::{Scene, Search};
+use crate::solver::{Problem, Stopping};
+use crate::walls::Placed;
+use crate::{Acceleration, Load, Material, Particles, Settings, StepReport, Vector, Wall};
+use serde::{Deserialize, Serialize};
+
+/// Grains, walls and everything that carries over from step to step.
+pub struct Dem<const D: usize> {
+    /// The grains. Positions, velocities, spins and temperatures may be changed between steps; adding or removing
+    /// grains needs a new `Dem`.
+    pub particles: Particles<D>,
+    walls: Vec<Wall<D>>,
+    materials: Vec<Material>,
+    settings: Settings<D>,
+    time: f64,
+    memory: Memory<D>,
+    contact_force: Vec<Vector<D>>,
+    contact_heat: Vec<f64>,
+    wall_force: Vec<Vector<D>>,
+    wall_heat: Vec<f64>,
+    placed: Vec<Placed<D>>,
+    search: Search<D>,
+    problem: Problem<D>,
+    after: Vec<Vector<D>>,
+    conductor: Conductor,
+}
+
+/// Everything that a bit-exact restart needs beside walls, materials and settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State<const D: usize> {
+    /// Time, s; walls are where their laws put them at this time.
+    pub time: f64,
+    /// The grains.
+    pub particles: Particles<D>,
+    memory: Memory<D>,
+    contact_force: Vec<Vector<D>>,
+    contact_heat: Vec<f64>,
+    wall_force: Vec<Vector<D>>,
+    wall_heat: Vec<f64>,
+}
+
+/// What a grain touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Partner {
+    /// Another grain, by number.
+    Grain(u32),
+    /// A wall, by number.
+    Wall(u32),
+}
+
+/// A contact of the last sub-step, for output.
+#[derive(Clone, Copy, Debug)]
+pub struct Contact<const D: usize> {
+    /// Number of the first grain.
+    pub grain: u32,
+    /// The other side.
+    pub partner: Partner,
+    /// Unit vector from the grain to the other side.
+    pub normal: Vector<D>,
+    /// Mean force on the other side over the last sub-step, N (per metre of depth).
+    pub force: Vector<D>,
+    /// What the contact allowed the gap to close by in the last sub-step, m: the gap at its start, or the share of the
+    /// overlap to take back (negative), or less after an impact with restitution.
+    pub gap: f64,
+}
+
+/// Attempts at a sub-step whose grains become faster than assumed.
+const ATTEMPTS: usize = 5;
+
+impl<const D: usize> Dem<D> {
+    /// Checks everything; grains may touch walls and each other from the start.
+    pub fn new(
+        particles: Particles<D>,
+        walls: Vec<Wall<D>>,
+        materials: Vec<Material>,
+        settings: Settings<D>,
+    ) -> Result<Self> {
+        particles.validate(&materials)?;
+        settings.validate()?;
+        walls.iter().try_for_each(Wall::validate)?;
+        if D != 2 && particles.rotation.is_some() {
+            return Err(Error::PlaneOnly("rotation of grains"));
+        }
+        if D != 2 && !walls.is_empty() {
+            return Err(Error::PlaneOnly("a wall from one point to another"));
+        }
+        let n = particles.len();
+        let heat = particles.heat.is_some();
+        if let Some(law) = settings.conduction {
+            law.validate::<D>(&materials)?;
+            if !heat {
+                return Err(Error::Scene("conduction is on but the grains carry no heat".into()));
+            }
+        }
+        Ok(Self {
+            contact_force: vec![Vector::zeros(); n],
+            contact_heat: vec![0.0; if heat { n } else { 0 }],
+            wall_force: vec![Vector::zeros(); walls.len()],
+            wall_heat: vec![0.0; if heat { walls.len() } else { 0 }],
+            particles,
+            walls,
+            materials,
+            settings,
+            time: 0.0,
+            memory: Memory::default(),
+            placed: vec![],
+            search: Search::default(),
+            problem: Problem::default(),
+            after: vec![],
+            conductor: Conductor::default(),
+        })
+    }
+
+    /// Advances by `dt` seconds under a load.
+    ///
+    /// # Panics
+    /// If a column of the load has neither no entry nor one per grain, or `dt` is not positive: both are errors of the caller.
+    pub fn step(&mut self, dt: f64, load: &Load<'_, D>) -> StepReport {
+        let n = self.particles.len();
+        for len in [load.force.len(), load.drag.len(), load.heat.len(), load.cohesive.len()] {
+            assert!(len == 0 || len == n, "a column of the load has {len} entries for {n} grains");
+        }
+        assert!(dt > 0.0 && dt.is_finite(), "the step is {dt} s");
+        self.contact_force.fill(Vector::zeros());
+        self.contact_heat.fill(0.0);
+        self.wall_force.fill(Vector::zeros());
+        self.wall_heat.fill(0.0);
+        let mut report = StepReport { converged: true, ..StepReport::default() };
+        let (start, mut left) = (self.time, dt);
+        loop {
+            let count = self.substeps(left, load).min(self.settings.max_substeps - report.substeps).max(1);
+            let h = left / count as f64;
+            self.substep(h, load, count == 1, &mut report);
+            left -= h;
+            self.time = start + (dt - left);
+            if count == 1 {
+                break;
+            }
+        }
+        self.time = start + dt;
+        self.contact_force.iter_mut().chain(&mut self.wall_force).for_each(|f| *f /= dt);
+        self.contact_heat.iter_mut().chain(&mut self.wall_heat).for_each(|q| *q /= dt);
+        report.wall_heat = self.wall_heat.iter().sum();
+        report
+    }
+
+    fn substep(&mut self, h: f64, load: &Load<'_, D>, last: bool, report: &mut StepReport) {
+        self.placed.clear();
+        self.placed.extend(self.walls.iter().map(|w| Placed::new(w, self.time, h)));
+        self.solve_contacts(h, load, report);
+        self.exchange_heat(h, load, report);
+        self.move_grains(h, load, last, report);
+    }
+
+    /// Heat from outside and through contacts, with the forces of this sub-step.
+    fn exchange_heat(&mut self, h: f64, load: &Load<'_, D>, report: &mut StepReport) {
+        let Some(mut heat) = self.particles.heat.take() else { return };
+        if let Some(law) = self.settings.conduction {
+            let mut conductor = std::mem::take(&mut self.conductor);
+            let scene = self.scene(h, load);
+            conductor.link(law, &scene, self.search.forces(&self.problem, h));
+            let outcome = conductor.solve(&scene, &heat.temperature, &heat.capacity);
+            report.heat_iterations += outcome.iterations;
+            report.converged &= outcome.converged;
+            for (i, q) in conductor.into_grain.iter().enumerate() {
+                heat.temperature[i] += q * h / heat.capacity[i];
+                self.contact_heat[i] += q * h;
+            }
+            for (sum, q) in self.wall_heat.iter_mut().zip(&conductor.out_of_wall) {
+                *sum += q * h;
+            }
+            self.conductor = conductor;
+        }
+        for (i, q) in load.heat.iter().enumerate() {
+            heat.temperature[i] += q * h / heat.capacity[i];
+        }
+        self.particles.heat = Some(heat);
+    }
+
+    /// Sub-steps in which no grain crosses more than the allowed share of its radius, judged by its
+    /// velocity now and after the forces.
+    fn substeps(&self, dt: f64, load: &Load<'_, D>) -> usize {
+        let scene = self.scene(dt, load);
+        let p = &self.particles;
+        let travel = (0..p.len()).fold(0.0, |most: f64, i| {
+            let speed = p.velocity[i].norm_squared().max(scene.free_velocity(i).norm_squared()).sqrt();
+            most.max(speed / p.radius[i])
+        });
+        (travel * dt / self.settings.max_travel).ceil().max(1.0) as usize
+    }
+
+    fn scene<'a>(&'a self, h: f64, load: &'a Load<'a, D>) -> Scene<'a, D> {
+        Scene {
+            particles: &self.particles,
+            materials: &self.materials,
+            walls: &self.walls,
+            placed: &self.placed,
+            settings: &self.settings,
+            load,
+            h,
+        }
+    }
+
+    /// Finds and solves the contacts, again with a wider search if a grain became faster than the search assumed.
+    fn solve_contacts(&mut self, h: f64, load: &Load<'_, D>, report: &mut StepReport) {
+        self.after.clear();
+        let mut search = std::mem::take(&mut self.search);
+        let mut problem = std::mem::take(&mut self.problem);
+        for attempt in 1.. {
+            search.prepare(&self.scene(h, load), &self.memory, &self.after, &mut problem);
+            problem.apply_impulses();
+            let stopping = Stopping {
+                tolerance: self.settings.tolerance,
+                max_sweeps: self.settings.max_sweeps,
+                momentum: self.settings.acceleration == Acceleration::Momentum,
+                floor: self.negligible(h),
+            };
+            let outcome = problem.solve(&stopping);
+            report.sweeps += outcome.sweeps;
+            let holds = search.holds(&self.scene(h, load), &problem);
+            if holds || attempt == ATTEMPTS {
+                report.residual = report.residual.max(outcome.residual);
+                report.converged &= holds && outcome.residual <= self.settings.tolerance;
+                break;
+            }
+            report.repeats += 1;
+            self.after.resize(self.particles.len(), Vector::zeros());
+            for (slot, &i) in search.grid.order.iter().enumerate() {
+                self.after[i as usize] = problem.bodies.velocity(slot);
+            }
+            self.memory.store(self.particles.len(), h, self.settings.cohesion.is_some(), || {
+                search.records(&problem, false)
+            });
+        }
+        report.substeps += 1;
+        (self.search, self.problem) = (search, problem);
+    }
+
+    /// Scale below which impulses mean nothing, as twice an energy (J): what carries every grain by 1e-9 of its radius
+    /// in the sub-step, or changes its velocity by 1e-12 of itself.
+    fn negligible(&self, h: f64) -> f64 {
+        let p = &self.particles;
+        let square = |i: usize| (1e-9 * p.radius[i] / h).powi(2) + 1e-24 * p.velocity[i].norm_squared();
+        (0..p.len()).filter(|&i| !p.held(i)).map(|i| p.mass[i] * square(i)).sum()
+    }
+
+    /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.
+    fn move_grains(&mut self, h: f64, load: &Load<'_, D>, last: bool, report: &mut StepReport) {
+        let n = self.particles.len();
+        let scene = Scene {
+            particles: &self.particles,
+            materials: &self.materials,
+            walls: &self.walls,
+            placed: &self.placed,
+            settings: &self.settings,
+            load,
+            h,
+        };
+        let (search, problem) = (&self.search, &mut self.problem);
+        for (slot, &i) in search.grid.order.iter().enumerate() {
+            problem.bodies.set_velocity(slot, &scene.free_velocity(i as usize));
+            if let Some(rotation) = &self.particles.rotation {
+                problem
+                    .bodies
+                    .set_surface(slot, rotation.spin[i as usize] * self.particles.radius[i as usize]);
+            }
+        }
+        problem.apply_impulses();
+        for (slot, &i) in search.grid.order.iter().enumerate() {
+            let i = i as usize;
+            let v = problem.bodies.velocity(slot);
+            self.particles.velocity[i] = v;
+            self.particles.position[i] += v * h;
+            if let Some(rotation) = &mut self.particles.rotation {
+                rotation.spin[i] = problem.bodies.surface(slot) / self.particles.radius[i];
+                rotation.angle[i] += rotation.spin[i] * h;
+            }
+        }
+        for r in search.records(problem, false) {
+            self.contact_force[r.i as usize] -= r.impulse;
+            if r.j & WALL == 0 {
+                self.contact_force[r.j as usize] += r.impulse;
+            } else {
+                self.wall_force[(r.j & !WALL) as usize] += r.impulse;
+            }
+        }
+        self.memory.store(n, h, self.settings.cohesion.is_some(), || search.records(problem, last));
+        if last {
+            report.candidates = problem.contacts.len();
+            report.contacts = problem.contacts.iter().filter(|c| c.acts()).count();
+            report.max_penetration_over_radius = self.deepest_overlap(h);
+        }
+    }
+
+    /// Largest overlap after the motion, as a share of the smaller radius.
+    fn deepest_overlap(&self, h: f64) -> f64 {
+        let p = &self.particles;
+        let n = p.len();
+        self.problem.contacts.iter().fold(0.0, |deepest: f64, c| {
+            let i = self.search.grid.order[c.i as usize] as usize;
+            let (other, radius, smaller) = if (c.j as usize) < n {
+                let j = self.search.grid.order[c.j as usize] as usize;
+                (p.position[j], p.radius[i] + p.radius[j], p.radius[i].min(p.radius[j]))
+            } else {
+                let touch = self.search.touches[c.j as usize - n];
+                let moved = self.placed[touch.wall as usize].after(h);
+                (moved.point(moved.nearest(&p.position[i])), p.radius[i], p.radius[i])
+            };
+            deepest.max((radius - (other - p.position[i]).norm()) / smaller)
+        })
+    }
+
+    /// Mean contact force on each grain over the last step, walls included, N (per metre of depth).
+    pub fn contact_force(&self) -> &[Vector<D>] {
+        &self.contact_force
+    }
+
+    /// Mean heat that each grain received through contacts over the last step, W; empty without heat.
+    pub fn contact_heat(&self) -> &[f64] {
+        &self.contact_heat
+    }
+
+    /// Mean force of the grains on each wall over the last step, N (per metre of depth).
+    pub fn wall_force(&self) -> &[Vector<D>] {
+        &self.wall_force
+    }
+
+    /// Mean heat from each wall to the grains over the last step, W; empty without heat.
+    pub fn wall_heat(&self) -> &[f64] {
+        &self.wall_heat
+    }
+
+    /// Contacts of the last sub-step, also those that carry nothing; none after a restart until the next step.
+    pub fn contacts(&self) -> impl Iterator<Item = Contact<D>> + '_ {
+        let n = self.search.grid.order.len();
+        let h = self.memory.h;
+        self.problem.contacts.iter().map(move |c| Contact {
+            grain: self.search.grid.order[c.i as usize],
+            partner: if (c.j as usize) < n {
+                Partner::Grain(self.search.grid.order[c.j as usize])
+            } else {
+                Partner::Wall(self.search.touches[c.j as usize - n].wall)
+            },
+            normal: c.normal,
+            force: c.impulse / h,
+            gap: c.bias * h,
+        })
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// The walls as given; [`Wall::at`] says where they are.
+    pub fn walls(&self) -> &[Wall<D>] {
+        &self.walls
+    }
+
+    /// The materials.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings<D> {
+        &self.settings
+    }
+
+    /// All that a restart needs beside walls, materials and settings.
+    pub fn state(&self) -> State<D> {
+        State {
+            time: self.time,
+            particles: self.particles.clone(),
+            memory: self.memory.clone(),
+            contact_force: self.contact_force.clone(),
+            contact_heat: self.contact_heat.clone(),
+            wall_force: self.wall_force.clone(),
+            wall_heat: self.wall_heat.clone(),
+        }
+    }
+
+    /// Continues from a state of the same scene, bit for bit as if it had not stopped.
+    pub fn restore(&mut self, state: State<D>) -> Result<()> {
+        state.particles.validate(&self.materials)?;
+        let n = state.particles.len();
+        if state.contact_force.len() != n || state.wall_force.len() != self.walls.len() {
+            let (grains, walls) = (state.contact_force.len(), state.wall_force.len());
+            return Err(Error::Scene(format!(
+                "the state holds forces of {grains} grains and {walls} walls, the scene has {n} and {}",
+                self.walls.len()
+            )));
+        }
+        self.time = state.time;
+        self.particles = state.particles;
+        self.memory = state.memory;
+        self.contact_force = state.contact_force;
+        self.contact_heat = state.contact_heat;
+        self.wall_force = state.wall_force;
+        self.wall_heat = state.wall_heat;
+        Ok(())
+    }
+}

@@ -1,0 +1,120 @@
+//! Impulses of the last sub-step by the identity of their contacts: the warm start of the next one.
+
+use crate::space::Vector;
+use serde::{Deserialize, Serialize};
+
+/// Marks the partner of a contact as a wall.
+pub(crate) const WALL: u32 = 1 << 31;
+
+/// Contacts sorted by owner: the grain of the smaller number, or the grain that meets a wall.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Memory<const D: usize> {
+    /// Length of the sub-step that these impulses belong to, s.
+    pub h: f64,
+    starts: Vec<u32>,
+    partner: Vec<u32>,
+    /// On the partner, N s.
+    impulse: Vec<Vector<D>>,
+    /// Steps that a contact has lasted; empty without cohesion.
+    age: Vec<u16>,
+}
+
+/// One contact by its identity.
+#[derive(Clone, Copy)]
+pub(crate) struct Record<const D: usize> {
+    /// Number of the first grain.
+    pub i: u32,
+    /// Number of the second, or `WALL` + number of the wall.
+    pub j: u32,
+    /// On the second, N s.
+    pub impulse: Vector<D>,
+    pub age: u16,
+}
+
+impl<const D: usize> Record<D> {
+    /// Sorted so that the first is the owner.
+    fn sorted(mut self) -> Self {
+        if self.j < self.i {
+            std::mem::swap(&mut self.i, &mut self.j);
+            self.impulse = -self.impulse;
+        }
+        self
+    }
+}
+
+impl<const D: usize> Memory<D> {
+    /// Impulse on the second grain and age of a contact; zero if it is new.
+    pub fn find(&self, i: u32, j: u32) -> (Vector<D>, u16) {
+        let (owner, partner, sign) = if i < j { (i, j, 1.0) } else { (j, i, -1.0) };
+        let Some(&[first, end]) =
+            self.starts.get(owner as usize..owner as usize + 2).and_then(|s| s.first_chunk())
+        else {
+            return (Vector::zeros(), 0);
+        };
+        for k in first as usize..end as usize {
+            if self.partner[k] == partner {
+                return (self.impulse[k] * sign, self.age.get(k).copied().unwrap_or(0));
+            }
+        }
+        (Vector::zeros(), 0)
+    }
+
+    /// Keeps the given contacts; `records` may be walked twice.
+    pub fn store<I>(&mut self, grains: usize, h: f64, aged: bool, records: impl Fn() -> I)
+    where
+        I: Iterator<Item = Record<D>>,
+    {
+        self.h = h;
+        self.starts.clear();
+        self.starts.resize(grains + 1, 0);
+        let mut count = 0;
+        for r in records() {
+            self.starts[r.sorted().i as usize] += 1;
+            count += 1;
+        }
+        let mut sum = 0;
+        for s in &mut self.starts {
+            sum += *s;
+            *s = sum;
+        }
+        crate::reserve(&mut self.partner, count);
+        crate::reserve(&mut self.impulse, count);
+        self.partner.resize(count, 0);
+        self.impulse.resize(count, Vector::zeros());
+        self.age.resize(if aged { count } else { 0 }, 0);
+        for r in records() {
+            let r = r.sorted();
+            let s = &mut self.starts[r.i as usize];
+            *s -= 1;
+            let k = *s as usize;
+            self.partner[k] = r.j;
+            self.impulse[k] = r.impulse;
+            if aged {
+                self.age[k] = r.age;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn contacts_are_found_from_either_side() {
+        let p = Vector::<2>::new(1.0, 2.0);
+        let records = [
+            Record { i: 3, j: 1, impulse: p, age: 4 },
+            Record { i: 1, j: WALL + 7, impulse: p * 2.0, age: 0 },
+            Record { i: 0, j: 1, impulse: p * 3.0, age: 1 },
+        ];
+        let mut memory = Memory::default();
+        memory.store(5, 1.0, true, || records.into_iter());
+        assert_eq!(memory.find(3, 1), (p, 4));
+        assert_eq!(memory.find(1, 3), (-p, 4));
+        assert_eq!(memory.find(1, WALL + 7), (p * 2.0, 0));
+        assert_eq!(memory.find(0, 1), (p * 3.0, 1));
+        assert_eq!(memory.find(2, 4), (Vector::zeros(), 0));
+        assert_eq!(memory.find(9, 14), (Vector::zeros(), 0));
+    }
+}

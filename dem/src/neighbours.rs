@@ -1,0 +1,360 @@
+//! Who can touch whom: a hierarchical cell grid, cut into coloured tiles.
+//!
+//! Level 0 has the finest cells, each level doubles the width, and a grain lives on the finest level whose
+//! cells are as wide as its interaction range. A pair on one level lies in neighbouring cells of that level;
+//! a pair across levels lies in neighbouring cells of the coarser one. So 1:100 mixtures cost no more than
+//! the sum of their levels.
+//!
+//! Tiles are blocks of coarsest cells, at least three wide. A contact belongs to the tile of its first grain and
+//! reaches at most one cell out of it, so two tiles of one colour (2^D colours) never share a grain and can be swept
+//! in parallel with the same result as one after the other.
+//!
+//! Positions outside the grid are clamped to its border cells: clamping keeps neighbours neighbours, so a
+//! grain that flies away costs speed at worst.
+
+use crate::space::{Vector, stencil};
+
+/// Slots (places in cell order) of a range of cells, and the grains in them.
+pub(crate) struct Grid<const D: usize> {
+    origin: Vector<D>,
+    /// 1 / width of the finest cells.
+    inverse: f64,
+    levels: usize,
+    /// Coarsest cells along each axis.
+    dims: Vec<i64>,
+    /// First cell of each level.
+    first: Vec<usize>,
+    /// First slot of each cell, and the end.
+    starts: Vec<u32>,
+    /// Slot -> grain.
+    pub order: Vec<u32>,
+    /// Coarsest cells along a tile, tiles in the order of their colours, and the first tile of each colour.
+    tile: i64,
+    pub tiles: Vec<[i64; D]>,
+    pub colours: Vec<usize>,
+    cell_of: Vec<u32>,
+    later: Vec<[i64; D]>,
+    around: Vec<[i64; D]>,
+}
+
+/// More levels than any sensible mixture needs.
+const MAX_LEVELS: usize = 12;
+/// Grains per tile aimed at: its contacts and bodies stay in the first-level cache.
+const GRAINS_PER_TILE: f64 = 100.0;
+
+impl<const D: usize> Default for Grid<D> {
+    fn default() -> Self {
+        Self {
+            origin: Vector::zeros(),
+            inverse: 1.0,
+            levels: 1,
+            dims: vec![],
+            first: vec![],
+            starts: vec![],
+            order: vec![],
+            tile: 3,
+            tiles: vec![],
+            colours: vec![],
+            cell_of: vec![],
+            later: stencil(true),
+            around: stencil(false),
+        }
+    }
+}
+
+impl<const D: usize> Grid<D> {
+    /// Sorts grains into cells; pairs closer than the sum of their radii + `reach` will be met.
+    pub fn build(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64) {
+        let n = position.len();
+        let (small, large) = radius.iter().fold((f64::MAX, 0f64), |(lo, hi), &r| (lo.min(r), hi.max(r)));
+        self.choose_cells(position, 2.0 * small + reach, 2.0 * large + reach);
+        self.first.clear();
+        let mut cells = 0;
+        for level in 0..self.levels {
+            self.first.push(cells);
+            cells += self.level_dims(level).iter().product::<i64>() as usize;
+        }
+        self.starts.clear();
+        self.starts.resize(cells + 1, 0);
+        self.cell_of.resize(n, 0);
+        for i in 0..n {
+            let level = self.level_of(2.0 * radius[i] + reach);
+            let q = self.locate(&position[i]).map(|q| q >> level);
+            let cell = self.cell(level, &q);
+            self.cell_of[i] = cell as u32;
+            self.starts[cell] += 1;
+        }
+        // Counting sort, filled from the back so that grains of one cell keep the order of their numbers.
+        let mut sum = 0;
+        for s in &mut self.starts {
+            sum += *s;
+            *s = sum;
+        }
+        self.order.resize(n, 0);
+        for i in (0..n).rev() {
+            let s = &mut self.starts[self.cell_of[i] as usize];
+            *s -= 1;
+            self.order[*s as usize] = i as u32;
+        }
+        self.cut_tiles(n);
+    }
+
+    /// Origin, width of cells and number of levels; at most about two cells per grain.
+    fn choose_cells(&mut self, position: &[Vector<D>], finest: f64, coarsest: f64) {
+        let (low, high) = robust_box(position);
+        let most = 2.0 * position.len() as f64 + 64.0;
+        let extent = high - low;
+        let mut width = coarsest;
+        let count = |width: f64| extent.iter().map(|e| (e / width).floor() + 1.0).product::<f64>();
+        while count(width) > most {
+            width *= 1.25;
+        }
+        self.levels = (coarsest / finest).log2().round().clamp(1.0, MAX_LEVELS as f64) as usize;
+        while self.levels > 1 && count(width) * (1u64 << (D * (self.levels - 1))) as f64 > most {
+            self.levels -= 1;
+        }
+        self.dims.clear();
+        self.dims.extend(extent.iter().map(|e| (e / width).floor() as i64 + 1));
+        self.origin = low;
+        self.inverse = (1u64 << (self.levels - 1)) as f64 / width;
+    }
+
+    fn cut_tiles(&mut self, n: usize) {
+        let cells = self.dims.iter().product::<i64>() as f64;
+        let per_cell = n as f64 / cells;
+        self.tile = (GRAINS_PER_TILE / per_cell.max(1e-3)).powf(1.0 / D as f64).clamp(3.0, 16.0) as i64;
+        let counts: [i64; D] = std::array::from_fn(|a| self.dims[a].div_euclid(self.tile) + 1);
+        self.tiles.clear();
+        self.colours.clear();
+        for colour in 0..1usize << D {
+            self.colours.push(self.tiles.len());
+            let tiles = &mut self.tiles;
+            each_cell(&[0; D], &counts, |t| {
+                if (0..D).all(|a| t[a] & 1 == (colour >> a & 1) as i64) {
+                    tiles.push(*t);
+                }
+            });
+        }
+        self.colours.push(self.tiles.len());
+    }
+
+    fn level_of(&self, range: f64) -> usize {
+        let mut level = 0;
+        while level + 1 < self.levels && range * self.inverse > (1u64 << level) as f64 {
+            level += 1;
+        }
+        level
+    }
+
+    /// Cells along each axis on a level.
+    fn level_dims(&self, level: usize) -> [i64; D] {
+        std::array::from_fn(|a| self.dims[a] << (self.levels - 1 - level))
+    }
+
+    /// Coordinates of the finest cell of a point. (A cast saturates, so NaN and overflow end in a border cell.)
+    fn locate(&self, x: &Vector<D>) -> [i64; D] {
+        let s = self.levels - 1;
+        std::array::from_fn(|a| {
+            let q = ((x[a] - self.origin[a]) * self.inverse).floor() as i64;
+            q.clamp(0, (self.dims[a] << s) - 1)
+        })
+    }
+
+    fn cell(&self, level: usize, q: &[i64; D]) -> usize {
+        let s = self.levels - 1 - level;
+        let mut index = 0;
+        for a in (0..D).rev() {
+            index = index * (self.dims[a] << s) + q[a];
+        }
+        self.first[level] + index as usize
+    }
+
+    fn slots(&self, cell: usize) -> std::ops::Range<usize> {
+        self.starts[cell] as usize..self.starts[cell + 1] as usize
+    }
+
+    /// Number of coarsest cells.
+    pub fn coarse_count(&self) -> usize {
+        self.dims.iter().product::<i64>() as usize
+    }
+
+    /// Index of the coarsest cell of a point, in 0 .. `coarse_count`.
+    pub fn coarse_of(&self, x: &Vector<D>) -> usize {
+        self.coarse_index(&self.locate(x).map(|q| q >> (self.levels - 1)))
+    }
+
+    fn coarse_index(&self, q: &[i64; D]) -> usize {
+        self.cell(self.levels - 1, q) - self.first[self.levels - 1]
+    }
+
+    /// Coarsest cells that a segment passes within `range` of their content.
+    pub fn near_segment(&self, points: &[Vector<D>; 2], range: f64, mut f: impl FnMut(usize)) {
+        let s = self.levels - 1;
+        let grow = Vector::<D>::repeat(range);
+        let low = self.locate(&(points[0].inf(&points[1]) - grow)).map(|q| q >> s);
+        let high = self.locate(&(points[0].sup(&points[1]) + grow)).map(|q| (q >> s) + 1);
+        let width = (1u64 << s) as f64 / self.inverse;
+        let along = points[1] - points[0];
+        let far = range + 0.5 * width * (D as f64).sqrt();
+        each_cell(&low, &high, |q| {
+            // Border cells hold whatever lies beyond them too.
+            let border = (0..D).any(|a| q[a] == 0 || q[a] == self.dims[a] - 1);
+            let centre = Vector::<D>::from_fn(|a, _| self.origin[a] + (q[a] as f64 + 0.5) * width);
+            let share = ((centre - points[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+            if border || (centre - points[0] - along * share).norm_squared() <= far * far {
+                f(self.coarse_index(q));
+            }
+        });
+    }
+
+    /// Calls `f` for the coarsest cells around (and at) each coarsest cell: (cell, neighbour).
+    pub fn coarse_neighbours(&self, mut f: impl FnMut(usize, usize)) {
+        let s = self.levels - 1;
+        let dims = self.level_dims(s);
+        each_cell(&[0; D], &dims, |q| {
+            let cell = self.coarse_index(q);
+            for offset in &self.around {
+                if let Some(p) = inside(q, offset, &dims) {
+                    f(cell, self.coarse_index(&p));
+                }
+            }
+        });
+    }
+
+    /// Calls `f(slot)` for all slots in the coarsest cells around (and at) a point.
+    pub fn around(&self, x: &Vector<D>, mut f: impl FnMut(usize)) {
+        let home = self.locate(x).map(|q| q >> (self.levels - 1));
+        for level in 0..self.levels {
+            let s = self.levels - 1 - level;
+            let low = std::array::from_fn(|a| (home[a] - 1).max(0) << s);
+            let high = std::array::from_fn(|a| (home[a] + 2).min(self.dims[a]) << s);
+            each_cell(&low, &high, |q| self.slots(self.cell(level, q)).for_each(&mut f));
+        }
+    }
+
+    /// Width of the coarsest cells, m.
+    pub fn width(&self) -> f64 {
+        (1u64 << (self.levels - 1)) as f64 / self.inverse
+    }
+
+    /// Calls `f(coarse cell, slot, Some(slots))` for the slots of one tile with others that they may touch, each
+    /// pair once; and before that `f(coarse cell, slot, None)` once for each slot.
+    pub fn each_in_tile(&self, tile: usize, mut f: impl FnMut(usize, usize, Option<std::ops::Range<usize>>)) {
+        let t = self.tiles[tile];
+        for level in 0..self.levels {
+            let s = self.levels - 1 - level;
+            let low = std::array::from_fn(|a| (t[a] * self.tile) << s);
+            let high = std::array::from_fn(|a| ((t[a] + 1) * self.tile).min(self.dims[a]) << s);
+            each_cell(&low, &high, |q| {
+                let own = self.slots(self.cell(level, q));
+                if own.is_empty() {
+                    return;
+                }
+                let coarse = self.coarse_index(&q.map(|q| q >> s));
+                for a in own.clone() {
+                    f(coarse, a, None);
+                    f(coarse, a, Some(a + 1..own.end));
+                }
+                self.others(level, q, |others| own.clone().for_each(|a| f(coarse, a, Some(others.clone()))));
+            });
+        }
+    }
+
+    /// Slots in the later cells of the level and in all neighbouring cells of the coarser ones.
+    fn others(&self, level: usize, q: &[i64; D], mut f: impl FnMut(std::ops::Range<usize>)) {
+        for l in level..self.levels {
+            let dims = self.level_dims(l);
+            let home = q.map(|q| q >> (l - level));
+            let offsets = if l == level { &self.later } else { &self.around };
+            for offset in offsets {
+                if let Some(p) = inside(&home, offset, &dims) {
+                    let slots = self.slots(self.cell(l, &p));
+                    if !slots.is_empty() {
+                        f(slots);
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn inside<const D: usize>(q: &[i64; D], offset: &[i64; D], dims: &[i64; D]) -> Option<[i64; D]> {
+    let p: [i64; D] = std::array::from_fn(|a| q[a] + offset[a]);
+    (0..D).all(|a| p[a] >= 0 && p[a] < dims[a]).then_some(p)
+}
+
+/// Calls `f` for every cell of a box `low <= q < high`, first axis fastest.
+fn each_cell<const D: usize>(low: &[i64; D], high: &[i64; D], mut f: impl FnMut(&[i64; D])) {
+    if (0..D).any(|a| low[a] >= high[a]) {
+        return;
+    }
+    let mut q = *low;
+    loop {
+        f(&q);
+        let mut axis = 0;
+        loop {
+            q[axis] += 1;
+            if q[axis] < high[axis] {
+                break;
+            }
+            q[axis] = low[axis];
+            axis += 1;
+            if axis == D {
+                return;
+            }
+        }
+    }
+}
+
+/// Bounding box of the points, cut at six standard deviations from the mean, so that a few grains far away
+/// do not spread the cells thin.
+fn robust_box<const D: usize>(position: &[Vector<D>]) -> (Vector<D>, Vector<D>) {
+    let count = position.len().max(1) as f64;
+    let mean = position.iter().sum::<Vector<D>>() / count;
+    let variance = position.iter().map(|x| (x - mean).component_mul(&(x - mean))).sum::<Vector<D>>() / count;
+    let far = variance.map(|v| 6.0 * v.sqrt());
+    let (low, high) = position.iter().fold((mean, mean), |(lo, hi), x| (lo.inf(x), hi.sup(x)));
+    (low.sup(&(mean - far)), high.inf(&(mean + far)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+
+    fn pairs_match_brute_force<const D: usize>(radii: [f64; 2], reach: f64) {
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
+        let n = 400;
+        let x: Vec<Vector<D>> = (0..n).map(|_| Vector::from_fn(|_, _| rng.random_range(0.0..10.0))).collect();
+        let r: Vec<f64> = (0..n).map(|k| if k % 40 == 0 { radii[1] } else { radii[0] }).collect();
+        let mut x = x;
+        x[5] = Vector::repeat(1e6); // an outlier, and one beside it
+        x[6] = Vector::repeat(1e6 + radii[0]);
+        let mut grid = Grid::<D>::default();
+        grid.build(&x, &r, reach);
+        let close = |i: usize, j: usize| (x[i] - x[j]).norm() < r[i] + r[j] + reach;
+        let mut found = vec![];
+        for t in 0..grid.tiles.len() {
+            grid.each_in_tile(t, |_, a, others| {
+                for b in others.into_iter().flatten() {
+                    let (i, j) = (grid.order[a] as usize, grid.order[b] as usize);
+                    if close(i, j) {
+                        found.push((i.min(j), i.max(j)));
+                    }
+                }
+            });
+        }
+        found.sort_unstable();
+        let all: Vec<_> =
+            (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).filter(|&(i, j)| close(i, j)).collect();
+        assert_eq!(found, all);
+    }
+
+    #[test]
+    fn every_pair_is_met_once() {
+        pairs_match_brute_force::<2>([0.1, 0.1], 0.05);
+        pairs_match_brute_force::<2>([0.02, 2.0], 0.01);
+        pairs_match_brute_force::<3>([0.3, 0.3], 0.05);
+        pairs_match_brute_force::<3>([0.1, 2.0], 0.01);
+    }
+}

@@ -1,0 +1,139 @@
+//! What a run of grains is told, and what a step tells back.
+
+use crate::error::{Error, Result, check};
+use crate::heat::Conduction;
+use crate::space::Vector;
+use serde::{Deserialize, Serialize};
+
+/// Adhesion between grains (Henry et al., Eq. 18).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cohesion {
+    /// Adhesive force F_c0 of a contact, N (N/m, per metre of depth, in the plane).
+    pub force: f64,
+    /// Steps that a contact must have lasted before it sticks.
+    pub steps: u16,
+}
+
+/// How to improve on plain Gauss-Seidel sweeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Acceleration {
+    /// Plain sweeps: on a stack of N from a cold start the error falls by cos^2(pi / (2 N + 1)) a sweep.
+    None,
+    /// Momentum with restart.
+    #[default]
+    Momentum,
+}
+
+/// Numerical settings and the physics common to all grains.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings<const D: usize> {
+    /// Acceleration of gravity, m/s2.
+    pub gravity: Vector<D>,
+    /// Relative natural map at which the contacts count as solved.
+    pub tolerance: f64,
+    /// Sweeps per sub-step at most; a step that needs more is reported as not converged.
+    pub max_sweeps: usize,
+    /// Share of its radius that a grain may cross in a sub-step.
+    pub max_travel: f64,
+    /// Sub-steps per step at most.
+    pub max_substeps: usize,
+    /// Share of an overlap that a sub-step takes back, in ]0, 1]. What is taken back becomes speed of separation: 1 keeps a
+    /// bed that rests on unconverged contacts in motion (and its warm start poor: three times the sweeps of 0.2).
+    pub overlap_share: f64,
+    /// Acceleration of the sweeps.
+    pub acceleration: Acceleration,
+    /// Heat through contacts; none: grains exchange no heat among themselves.
+    pub conduction: Option<Conduction>,
+    /// Adhesion; none: no contact pulls.
+    pub cohesion: Option<Cohesion>,
+}
+
+impl<const D: usize> Default for Settings<D> {
+    /// Earth's gravity along the last axis, relative natural map 1e-4, at most 1000 sweeps, half a radius per sub-step.
+    fn default() -> Self {
+        let mut gravity = Vector::zeros();
+        gravity[D - 1] = -9.81;
+        Self {
+            gravity,
+            tolerance: 1e-4,
+            max_sweeps: 1000,
+            max_travel: 0.5,
+            max_substeps: 100,
+            overlap_share: 0.2,
+            acceleration: Acceleration::default(),
+            conduction: None,
+            cohesion: None,
+        }
+    }
+}
+
+impl<const D: usize> Settings<D> {
+    pub(crate) fn validate(&self) -> Result<()> {
+        self.gravity
+            .iter()
+            .try_for_each(|&g| check(g.is_finite(), g, "it must be finite", || "gravity".into()))?;
+        for (name, value) in [("tolerance", self.tolerance), ("max_travel", self.max_travel)] {
+            check(value.is_finite() && value > 0.0, value, "it must be positive", || name.into())?;
+        }
+        let share = self.overlap_share;
+        check(share > 0.0 && share <= 1.0, share, "0 < overlap_share <= 1", || "overlap_share".into())?;
+        if self.max_sweeps == 0 || self.max_substeps == 0 {
+            return Err(Error::Scene("max_sweeps and max_substeps must be at least 1".into()));
+        }
+        if let Some(c) = &self.cohesion {
+            check(c.force >= 0.0 && c.force.is_finite(), c.force, "it must be 0 or more", || {
+                "cohesion, force".into()
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// What acts on the grains during a step, besides gravity, contacts and walls. Each column has one entry per
+/// grain, or none at all.
+#[derive(Clone, Copy, Debug)]
+pub struct Load<'a, const D: usize> {
+    /// Force, N (per metre of depth).
+    pub force: &'a [Vector<D>],
+    /// Implicit drag coefficient gamma, kg/s: -gamma v at the new velocity. Its impulse over the
+    /// step is -gamma times the displacement, exactly, however many sub-steps were taken.
+    pub drag: &'a [f64],
+    /// Heat given from outside, W.
+    pub heat: &'a [f64],
+    /// Whether a grain's contacts may stick (with [`Cohesion`]); a contact sticks if both grains may.
+    pub cohesive: &'a [bool],
+}
+
+impl<const D: usize> Default for Load<'_, D> {
+    /// Nothing acts.
+    fn default() -> Self {
+        Self { force: &[], drag: &[], heat: &[], cohesive: &[] }
+    }
+}
+
+/// How a step went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StepReport {
+    /// Sub-steps taken.
+    pub substeps: usize,
+    /// Contacts that carry an impulse, in the last sub-step.
+    pub contacts: usize,
+    /// Contacts looked at, in the last sub-step: all those whose gap could close.
+    pub candidates: usize,
+    /// Sweeps, all sub-steps together.
+    pub sweeps: usize,
+    /// Largest relative natural map of the sub-steps.
+    pub residual: f64,
+    /// Largest overlap at the end, as a share of the radius of the smaller grain.
+    pub max_penetration_over_radius: f64,
+    /// Whether every sub-step reached the tolerance, in momentum and in heat.
+    pub converged: bool,
+    /// Sub-steps repeated because a grain became faster than the search for its contacts had assumed.
+    pub repeats: usize,
+    /// Mean heat from the walls to the grains, W.
+    pub wall_heat: f64,
+    /// Iterations of the implicit heat equation, all sub-steps together.
+    pub heat_iterations: usize,
+}

@@ -1,0 +1,208 @@
+//! Walls: straight segments, fixed or moving by a law of time.
+
+use crate::error::{Error, Result, check};
+use crate::space::Vector;
+use serde::{Deserialize, Serialize};
+
+/// How a wall moves; its end points at time t follow from those at t = 0, so a restart needs the time only.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Motion<const D: usize> {
+    /// Not at all.
+    #[default]
+    Fixed,
+    /// With a constant velocity.
+    Translation {
+        /// Velocity, m/s.
+        velocity: Vector<D>,
+    },
+    /// Along a line as sin(2 pi frequency t + phase) - sin(phase).
+    Oscillation {
+        /// Amplitude, m.
+        amplitude: Vector<D>,
+        /// Frequency, Hz.
+        frequency: f64,
+        /// Phase at t = 0, rad.
+        phase: f64,
+    },
+    /// About a fixed centre, counter-clockwise (plane only).
+    Rotation {
+        /// Centre, m.
+        centre: Vector<D>,
+        /// Angular velocity, rad/s.
+        rate: f64,
+    },
+}
+
+/// A straight wall that grains meet from either side, and at its ends.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall<const D: usize> {
+    /// Name, for reports.
+    pub name: String,
+    /// End points at t = 0, m.
+    pub points: [Vector<D>; 2],
+    /// Coulomb's coefficient between grains and this wall.
+    #[serde(default)]
+    pub friction: f64,
+    /// Newton's coefficient of restitution between grains and this wall.
+    #[serde(default)]
+    pub restitution: f64,
+    /// How it moves.
+    #[serde(default)]
+    pub motion: Motion<D>,
+    /// Temperature, K; none: no heat passes.
+    #[serde(default)]
+    pub temperature: Option<f64>,
+    /// Thermal conductivity, W/m/K; none: a perfect conductor.
+    #[serde(default)]
+    pub conductivity: Option<f64>,
+}
+
+impl<const D: usize> Wall<D> {
+    /// A fixed wall without friction or heat.
+    pub fn new(name: impl Into<String>, from: Vector<D>, to: Vector<D>) -> Self {
+        Self {
+            name: name.into(),
+            points: [from, to],
+            friction: 0.0,
+            restitution: 0.0,
+            motion: Motion::Fixed,
+            temperature: None,
+            conductivity: None,
+        }
+    }
+
+    /// End points at a time, m.
+    pub fn at(&self, time: f64) -> [Vector<D>; 2] {
+        match self.motion {
+            Motion::Fixed => self.points,
+            Motion::Translation { velocity } => self.points.map(|x| x + velocity * time),
+            Motion::Oscillation { amplitude, frequency, phase } => {
+                let angle = std::f64::consts::TAU * frequency * time + phase;
+                self.points.map(|x| x + amplitude * (angle.sin() - phase.sin()))
+            }
+            Motion::Rotation { centre, rate } => {
+                let (sin, cos) = (rate * time).sin_cos();
+                self.points.map(|x| {
+                    let arm = x - centre;
+                    let mut turned = x;
+                    turned[0] = centre[0] + cos * arm[0] - sin * arm[1];
+                    turned[1] = centre[1] + sin * arm[0] + cos * arm[1];
+                    turned
+                })
+            }
+        }
+    }
+
+    /// Whether the end points depend on time.
+    pub fn moves(&self) -> bool {
+        self.motion != Motion::Fixed
+    }
+
+    pub(crate) fn validate(&self) -> Result<()> {
+        let at = |name: &str| format!("wall {:?}, {name}", self.name);
+        for x in self.points.iter().flat_map(|p| p.iter()) {
+            check(x.is_finite(), *x, "it must be finite", || at("end point"))?;
+        }
+        if self.points[0] == self.points[1] {
+            return Err(Error::Scene(format!("wall {:?}: its two end points coincide", self.name)));
+        }
+        check(
+            self.friction >= 0.0 && self.friction.is_finite(),
+            self.friction,
+            "it must be 0 or more",
+            || at("friction"),
+        )?;
+        check((0.0..=1.0).contains(&self.restitution), self.restitution, "it must lie in 0 .. 1", || {
+            at("restitution")
+        })?;
+        let temperature = self.temperature.unwrap_or(0.0);
+        check(temperature.is_finite(), temperature, "it must be finite", || at("temperature"))?;
+        let conductivity = self.conductivity.unwrap_or(1.0);
+        check(conductivity > 0.0, conductivity, "it must be positive", || at("conductivity"))?;
+        let law = match self.motion {
+            Motion::Fixed => vec![],
+            Motion::Translation { velocity } => velocity.iter().copied().collect(),
+            Motion::Oscillation { amplitude, frequency, phase } => {
+                amplitude.iter().copied().chain([frequency, phase]).collect()
+            }
+            Motion::Rotation { centre, rate } => centre.iter().copied().chain([rate]).collect(),
+        };
+        law.iter().try_for_each(|&x| check(x.is_finite(), x, "it must be finite", || at("motion")))
+    }
+}
+
+/// A wall over one sub-step: where it is at the start, and the velocity that carries its end points exactly
+/// to where they are at the end (the secant, so that predicted gaps are those of the next start).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed<const D: usize> {
+    pub points: [Vector<D>; 2],
+    pub velocity: [Vector<D>; 2],
+}
+
+impl<const D: usize> Placed<D> {
+    pub fn new(wall: &Wall<D>, time: f64, h: f64) -> Self {
+        let points = wall.at(time);
+        if !wall.moves() {
+            return Self { points, velocity: [Vector::zeros(); 2] };
+        }
+        let next = wall.at(time + h);
+        Self { points, velocity: [(next[0] - points[0]) / h, (next[1] - points[1]) / h] }
+    }
+
+    /// The point nearest to `x`, as its share of the way from the first to the second end.
+    #[inline]
+    pub fn nearest(&self, x: &Vector<D>) -> f64 {
+        let along = self.points[1] - self.points[0];
+        ((x - self.points[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0)
+    }
+
+    #[inline]
+    pub fn point(&self, share: f64) -> Vector<D> {
+        self.points[0] + (self.points[1] - self.points[0]) * share
+    }
+
+    #[inline]
+    pub fn velocity_at(&self, share: f64) -> Vector<D> {
+        self.velocity[0] + (self.velocity[1] - self.velocity[0]) * share
+    }
+
+    /// The wall at the end of a sub-step of length `h`.
+    pub fn after(&self, h: f64) -> Self {
+        let points = [self.points[0] + self.velocity[0] * h, self.points[1] + self.velocity[1] * h];
+        Self { points, ..*self }
+    }
+
+    /// A unit vector orthogonal to the wall, for a grain whose centre lies on it.
+    pub fn side(&self) -> Vector<D> {
+        crate::space::turned(&(self.points[1] - self.points[0]).normalize())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn walls_follow_their_laws() {
+        let mut wall = Wall::<2>::new("lid", Vector::<2>::new(1.0, 0.0), Vector::<2>::new(2.0, 0.0));
+        wall.motion = Motion::Rotation { centre: Vector::zeros(), rate: std::f64::consts::FRAC_PI_2 };
+        let [a, b] = wall.at(1.0);
+        approx::assert_relative_eq!(a, Vector::<2>::new(0.0, 1.0), epsilon = 1e-15);
+        approx::assert_relative_eq!(b, Vector::<2>::new(0.0, 2.0), epsilon = 1e-15);
+        wall.motion =
+            Motion::Oscillation { amplitude: Vector::<2>::new(0.0, 0.1), frequency: 0.5, phase: 0.0 };
+        approx::assert_relative_eq!(wall.at(0.5)[0], Vector::<2>::new(1.0, 0.1));
+        let placed = Placed::new(&wall, 0.0, 0.5);
+        approx::assert_relative_eq!(placed.velocity_at(0.3), Vector::<2>::new(0.0, 0.2));
+    }
+
+    #[test]
+    fn the_nearest_point_stays_on_the_segment() {
+        let wall = Wall::<2>::new("floor", Vector::zeros(), Vector::<2>::new(2.0, 0.0));
+        let placed = Placed::new(&wall, 0.0, 1.0);
+        assert_eq!(placed.nearest(&Vector::<2>::new(0.5, 1.0)), 0.25);
+        assert_eq!(placed.nearest(&Vector::<2>::new(-3.0, 1.0)), 0.0);
+    }
+}

@@ -1,0 +1,187 @@
+//! What is prescribed on the boundary, by the name of its part.
+
+use crate::{Error, Mesh, Result, Vector};
+
+/// Conditions on one named part of the boundary.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condition<const D: usize> {
+    /// Name of the part in the mesh.
+    pub boundary: String,
+    /// What the velocity or traction is.
+    pub flow: FlowCondition<D>,
+    /// What the temperature or heat flux is.
+    pub heat: HeatCondition,
+}
+
+/// A prescribed velocity.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Prescribed<const D: usize> {
+    /// The same everywhere, m/s.
+    Uniform(Vector<D>),
+    /// One value for every node of the mesh, m/s; only those on the boundary part are read.
+    Nodal(Vec<Vector<D>>),
+}
+
+impl<const D: usize> Prescribed<D> {
+    /// Multiplies by a factor.
+    pub fn scale(&mut self, factor: f64) {
+        match self {
+            Self::Uniform(value) => *value *= factor,
+            Self::Nodal(values) => values.iter_mut().for_each(|value| *value *= factor),
+        }
+    }
+
+    fn at(&self, node: usize) -> Vector<D> {
+        match self {
+            Self::Uniform(value) => *value,
+            Self::Nodal(values) => values[node],
+        }
+    }
+}
+
+/// Condition on the flow.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FlowCondition<const D: usize> {
+    /// u given.
+    Velocity(Prescribed<D>),
+    /// eps u given: u = value / eps with the nodal voidage of the step.
+    SuperficialVelocity(Prescribed<D>),
+    /// u = 0.
+    NoSlip,
+    /// u . n = 0, no tangential traction.
+    Slip,
+    /// Traction -p n with the given pressure, Pa; where fluid enters, its momentum is taken up by the
+    /// term -eps rho min(u_n . n, 0) u.
+    Open {
+        /// Pressure outside, Pa.
+        pressure: f64,
+    },
+}
+
+/// Condition on the temperature.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HeatCondition {
+    /// T given, K.
+    Temperature(f64),
+    /// Newton cooling, q = coefficient (T_w - T).
+    Newton {
+        /// Heat-transfer coefficient h_w, W/m2/K.
+        coefficient: f64,
+        /// Temperature of the wall T_w, K.
+        temperature: f64,
+    },
+    /// No heat flux.
+    Adiabatic,
+    /// No diffusive flux; fluid that enters has the given temperature, if one is given, through the term
+    /// -eps rho c min(u . n, 0) (T - T_out).
+    Open {
+        /// Temperature outside T_out, K.
+        temperature: Option<f64>,
+    },
+}
+
+/// What holds the velocity of a node.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Hold<const D: usize> {
+    /// The whole velocity is given.
+    Fixed(Vector<D>),
+    /// The components along these orthonormal directions are zero.
+    Normal(Vec<Vector<D>>),
+}
+
+/// Checks that every part of the boundary has exactly one condition and that every condition has a part.
+pub fn check<const D: usize>(mesh: &Mesh<D>, conditions: &[Condition<D>]) -> Result<()> {
+    let known = || mesh.boundaries.iter().map(|b| format!("`{}`", b.name)).collect::<Vec<_>>().join(", ");
+    for (k, condition) in conditions.iter().enumerate() {
+        if !mesh.boundaries.iter().any(|b| b.name == condition.boundary) {
+            let text = format!("the mesh has no boundary `{}`; it has {}", condition.boundary, known());
+            return Err(Error::Mesh(text));
+        }
+        if conditions[..k].iter().any(|other| other.boundary == condition.boundary) {
+            return Err(Error::Mesh(format!("two conditions for the boundary `{}`", condition.boundary)));
+        }
+    }
+    match mesh.boundaries.iter().find(|b| !conditions.iter().any(|c| c.boundary == b.name)) {
+        Some(bare) => Err(Error::Mesh(format!("no condition for the boundary `{}` of the mesh", bare.name))),
+        None => Ok(()),
+    }
+}
+
+/// Facets of a part of the boundary: nodes and the cell behind.
+pub fn facets<'a, const D: usize>(
+    mesh: &'a Mesh<D>,
+    name: &str,
+) -> impl Iterator<Item = &'a [u32]> + use<'a, D> {
+    let part = mesh.boundaries.iter().find(|b| b.name == name);
+    part.into_iter().flat_map(|part| part.facets.chunks_exact(D))
+}
+
+/// The velocity conditions of every node, in the order of the scene: a later prescribed velocity wins at
+/// shared nodes, slip never frees a node that is fixed and is replaced by a later prescribed velocity.
+///
+/// Slip normals of facets within 30 degrees are averaged (a smooth boundary); a sharper corner holds each
+/// of its directions.
+pub fn holds<const D: usize>(
+    mesh: &Mesh<D>,
+    conditions: &[Condition<D>],
+    voidage: &[f64],
+    holds: &mut Vec<Option<Hold<D>>>,
+) {
+    holds.clear();
+    holds.resize(mesh.points.len(), None);
+    for condition in conditions {
+        for facet in facets(mesh, &condition.boundary) {
+            for &node in facet {
+                let node = node as usize;
+                let value = match &condition.flow {
+                    FlowCondition::Velocity(value) => value.at(node),
+                    FlowCondition::SuperficialVelocity(value) => value.at(node) / voidage[node],
+                    FlowCondition::NoSlip => Vector::zeros(),
+                    FlowCondition::Slip => {
+                        add_normal(mesh, facet, &mut holds[node]);
+                        continue;
+                    }
+                    FlowCondition::Open { .. } => continue,
+                };
+                holds[node] = Some(Hold::Fixed(value));
+            }
+        }
+    }
+    for hold in holds.iter_mut().flatten() {
+        if let Hold::Normal(normals) = hold {
+            orthonormalise(normals);
+        }
+    }
+}
+
+fn add_normal<const D: usize>(mesh: &Mesh<D>, facet: &[u32], hold: &mut Option<Hold<D>>) {
+    const SAME: f64 = 0.866; // cos 30 degrees
+    let corner: [Vector<D>; D] = std::array::from_fn(|k| mesh.points[facet[k] as usize]);
+    let (measure, normal) = crate::element::facet_normal(&corner);
+    match hold {
+        Some(Hold::Fixed(_)) => {}
+        None => *hold = Some(Hold::Normal(vec![normal * measure])),
+        Some(Hold::Normal(normals)) => {
+            match normals.iter_mut().find(|other| other.normalize().dot(&normal).abs() > SAME) {
+                Some(other) => *other += normal * measure * other.dot(&normal).signum(),
+                None => normals.push(normal * measure),
+            }
+        }
+    }
+}
+
+/// Gram-Schmidt; directions that add nothing are dropped.
+fn orthonormalise<const D: usize>(normals: &mut Vec<Vector<D>>) {
+    let mut kept = 0;
+    for k in 0..normals.len() {
+        let mut direction = normals[k].normalize();
+        for other in &normals[..kept] {
+            direction -= other * other.dot(&direction);
+        }
+        if kept < D && direction.norm() > 1e-6 {
+            normals[kept] = direction.normalize();
+            kept += 1;
+        }
+    }
+    normals.truncate(kept);
+}

@@ -1,0 +1,450 @@
+//! The fluid solver: state, one step, and what it reports.
+
+use crate::assembly::{Assembler, System};
+use crate::conditions::{self, Condition, FlowCondition, Hold};
+use crate::element::Element;
+use crate::exchange::{AtBodies, CellExchange, Exchange, NodalFields, PiecesByCell};
+use crate::forms::{self, Properties};
+use crate::linear::{self, Solver};
+use crate::transport::{self, CellHeat, Scalar};
+use crate::{Error, Mesh, Result, Vector, boundary};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// Heat in the fluid.
+#[derive(Clone, Debug)]
+pub struct HeatProperties {
+    /// rho c, k and the walls of a thin cell.
+    pub scalar: Scalar,
+    /// Thermal expansion beta, 1/K.
+    pub expansion: f64,
+    /// Temperature T_R at which gravity acts on the density rho, K.
+    pub reference: f64,
+}
+
+/// How the equations are solved.
+#[derive(Clone, Debug)]
+pub struct Numerics {
+    /// Newton steps of the convection per time step, at least 1.
+    pub newton: usize,
+    /// Linear solver of velocity and pressure.
+    pub flow: linear::Options,
+    /// Linear solver of the temperature.
+    pub heat: linear::Options,
+}
+
+impl Default for Numerics {
+    fn default() -> Self {
+        let heat = linear::Options { method: linear::Method::Ilu, tolerance: 1e-10, ..Default::default() };
+        Self { newton: 1, flow: linear::Options::default(), heat }
+    }
+}
+
+/// Nodal values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State<const D: usize> {
+    /// Velocity u, m/s.
+    pub velocity: Vec<Vector<D>>,
+    /// Pressure p, Pa.
+    pub pressure: Vec<f64>,
+    /// Temperature T, K; absent without heat.
+    pub temperature: Option<Vec<f64>>,
+}
+
+/// Sources per volume at the nodes, for manufactured solutions.
+#[derive(Clone, Debug)]
+pub struct Sources<const D: usize> {
+    /// Momentum, N/m3.
+    pub momentum: Vec<Vector<D>>,
+    /// Mass over density, 1/s.
+    pub mass: Vec<f64>,
+    /// Heat, W/m3; empty without heat.
+    pub heat: Vec<f64>,
+}
+
+/// What a step reports.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Report {
+    /// Iterations of the linear solver of velocity and pressure, summed over the Newton steps.
+    pub flow_iterations: usize,
+    /// Iterations of the linear solver of the temperature.
+    pub heat_iterations: usize,
+    /// Relative residual of the last flow system.
+    pub residual: f64,
+    /// Whether the flow matrix was factored anew.
+    pub factored: bool,
+    /// Wall time of the energy equation, s.
+    pub heat_s: f64,
+    /// Wall time of momentum and mass, s.
+    pub flow_s: f64,
+}
+
+/// Energy: its coefficients, system and solver.
+struct Heat {
+    properties: HeatProperties,
+    system: System<1>,
+    solver: Solver<1>,
+}
+
+/// The solver on one mesh; `B` is `D + 1`.
+pub struct Flow<const D: usize, const B: usize> {
+    mesh: Mesh<D>,
+    properties: Properties<D>,
+    newton: usize,
+    /// Last accepted values.
+    state: State<D>,
+    /// Values of the step in hand.
+    next: State<D>,
+    sources: Option<Sources<D>>,
+    elements: Vec<Element<D, B>>,
+    gradient: Vec<Vector<D>>,
+    nodal_volume: Vec<f64>,
+    assembler: Assembler,
+    system: System<B>,
+    solver: Solver<B>,
+    heat: Option<Heat>,
+    holds: Vec<Option<Hold<D>>>,
+    sorted: PiecesByCell,
+    solid_flux: Vec<Vector<D>>,
+    unknown: Vec<f64>,
+}
+
+impl<const D: usize, const B: usize> Flow<D, B> {
+    /// A solver on a mesh, starting from the given state (its temperature present exactly when `heat` is).
+    ///
+    /// # Errors
+    /// Conditions that do not fit the mesh, flat or inverted cells.
+    pub fn new(
+        mesh: Mesh<D>,
+        properties: Properties<D>,
+        heat: Option<HeatProperties>,
+        conditions: &[Condition<D>],
+        state: State<D>,
+        numerics: &Numerics,
+    ) -> Result<Self> {
+        const { assert!(B == D + 1) };
+        conditions::check(&mesh, conditions)?;
+        let nodes = mesh.points.len();
+        let elements: Vec<Element<D, B>> = (0..mesh.cells.len() / B)
+            .map(|cell| Element::new(std::array::from_fn(|a| mesh.points[mesh.cells[cell * B + a] as usize])))
+            .collect();
+        if let Some(flat) = elements.iter().position(|e| e.measure <= 0.0 || !e.measure.is_finite()) {
+            return Err(Error::Mesh(format!("cell {flat} of the mesh is flat or inverted")));
+        }
+        let mut nodal_volume = vec![0.0; nodes];
+        for (cell, element) in elements.iter().enumerate() {
+            for a in 0..B {
+                nodal_volume[mesh.cells[cell * B + a] as usize] += element.measure / B as f64;
+            }
+        }
+        let assembler = Assembler::new::<B>(nodes, &mesh.cells);
+        let pattern = &assembler.pattern;
+        let heat = heat.map(|properties| Heat {
+            properties,
+            system: System::new(pattern.clone()),
+            solver: Solver::new(pattern.clone(), &mesh.points, numerics.heat.clone()),
+        });
+        Ok(Self {
+            system: System::new(pattern.clone()),
+            solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow.clone()),
+            gradient: elements.iter().flat_map(|e| e.gradient).collect(),
+            solid_flux: Vec::new(),
+            unknown: vec![0.0; nodes * B],
+            next: state.clone(),
+            newton: numerics.newton.max(1),
+            sources: None,
+            holds: Vec::new(),
+            sorted: PiecesByCell::default(),
+            mesh,
+            properties,
+            state,
+            elements,
+            nodal_volume,
+            assembler,
+            heat,
+        })
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh<D> {
+        &self.mesh
+    }
+
+    /// Last accepted values.
+    pub fn state(&self) -> &State<D> {
+        &self.state
+    }
+
+    /// Integral of each shape function, m3 (m2 in the plane).
+    pub fn nodal_volume(&self) -> &[f64] {
+        &self.nodal_volume
+    }
+
+    /// Sets the sources of the coming steps.
+    pub fn set_sources(&mut self, sources: Option<Sources<D>>) {
+        self.sources = sources;
+    }
+
+    /// Replaces the accepted values (a restart, an initial condition).
+    pub fn set_state(&mut self, state: State<D>) {
+        self.next = state.clone();
+        self.state = state;
+    }
+
+    /// Drops all that the linear solvers keep between steps, so that what follows depends on the state only.
+    pub fn forget(&mut self) {
+        self.solver.forget();
+        if let Some(heat) = &mut self.heat {
+            heat.solver.forget();
+        }
+    }
+
+    /// Makes the step in hand the last accepted one.
+    pub fn accept(&mut self) {
+        std::mem::swap(&mut self.state, &mut self.next);
+    }
+
+    /// Solves one step of `dt` from the last accepted state: energy, then momentum and mass.
+    ///
+    /// `voidage` is nodal; `exchange` describes the immersed bodies, none without them.
+    ///
+    /// # Errors
+    /// A linear system without a solution, or prescribed fluxes that do not balance in a closed domain.
+    pub fn solve(
+        &mut self,
+        dt: f64,
+        voidage: &[f64],
+        exchange: Option<&Exchange<'_, D>>,
+        conditions: &[Condition<D>],
+    ) -> Result<Report> {
+        match exchange {
+            Some(load) => self.sorted.sort(load.pieces, self.elements.len()),
+            None => self.sorted.clear(),
+        }
+        let mut report = Report::default();
+        let start = Instant::now();
+        self.solve_heat(dt, voidage, exchange, conditions, &mut report)?;
+        report.heat_s = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        self.project_solid_flux(exchange);
+        for iteration in 0..self.newton {
+            self.newton_step(iteration, dt, voidage, exchange, conditions, &mut report)?;
+        }
+        report.flow_s = start.elapsed().as_secs_f64();
+        Ok(report)
+    }
+
+    /// Means of the step in hand at the bodies.
+    pub fn sample(&self, pieces: &crate::exchange::Pieces<D>, at: &mut AtBodies<D>) {
+        let fields = NodalFields {
+            velocity: &self.next.velocity,
+            pressure: &self.next.pressure,
+            temperature: self.next.temperature.as_deref(),
+            gradient: &self.gradient,
+        };
+        at.sample::<B>(&self.mesh, pieces, &fields);
+    }
+
+    /// Force (N) and heat (W) that the fluid gives to the bodies in the step in hand, summed piece by piece:
+    /// the counterpart, by another path, of what the affine law gives each body.
+    pub fn exchanged(&self, load: &Exchange<'_, D>) -> (Vector<D>, f64) {
+        let (mut force, mut heat) = (Vector::zeros(), 0.0);
+        for body in 0..load.pieces.bodies() {
+            let (gamma, volume, mobility) = (load.drag[body], load.volume[body], load.mobility[body]);
+            for piece in load.pieces.of(body) {
+                let phi = load.pieces.shape::<B>(piece);
+                let cell = load.pieces.cell[piece] as usize * B;
+                let (mut velocity, mut slope, mut temperature) =
+                    (Vector::<D>::zeros(), Vector::<D>::zeros(), 0.0);
+                for a in 0..B {
+                    let node = self.mesh.cells[cell + a] as usize;
+                    velocity += self.next.velocity[node] * phi[a];
+                    slope += self.gradient[cell + a] * self.next.pressure[node];
+                    temperature += self.next.temperature.as_ref().map_or(0.0, |t| t[node] * phi[a]);
+                }
+                let share = load.pieces.share[piece];
+                let slip =
+                    velocity * (1.0 - mobility * gamma) - load.velocity[body] + slope * (mobility * volume);
+                force += (slip * gamma - slope * volume) * share;
+                if let Some(columns) = &load.heat {
+                    let coefficient = columns.coefficient[body];
+                    let slip = temperature * (1.0 - columns.mobility[body] * coefficient)
+                        - columns.temperature[body];
+                    heat += share * coefficient * slip;
+                }
+            }
+        }
+        (force, heat)
+    }
+
+    /// Values of the step in hand.
+    pub fn next(&self) -> &State<D> {
+        &self.next
+    }
+
+    /// Gradients of the shape functions, `D + 1` per cell.
+    pub fn gradient(&self) -> &[Vector<D>] {
+        &self.gradient
+    }
+
+    fn solve_heat(
+        &mut self,
+        dt: f64,
+        voidage: &[f64],
+        exchange: Option<&Exchange<'_, D>>,
+        conditions: &[Condition<D>],
+        report: &mut Report,
+    ) -> Result<()> {
+        let Some(heat) = &mut self.heat else { return Ok(()) };
+        let (Some(old), Some(next)) = (&self.state.temperature, &mut self.next.temperature) else {
+            return Err(Error::Mesh("heat without an initial temperature".into()));
+        };
+        let (mesh, elements, sorted, state) = (&self.mesh, &self.elements, &self.sorted, &self.state);
+        let sources = self.sources.as_ref();
+        let scalar = &heat.properties.scalar;
+        let bodies = exchange.and_then(|load| load.heat.map(|columns| (load.pieces, columns)));
+        self.assembler.assemble(&mut heat.system, |cell, out| {
+            let node: [usize; B] = std::array::from_fn(|a| mesh.cells[B * cell + a] as usize);
+            let cell = transport::Cell {
+                element: elements[cell],
+                voidage: node.map(|n| voidage[n]),
+                velocity: node.map(|n| state.velocity[n]),
+                old: node.map(|n| old[n]),
+                exchange: bodies
+                    .and_then(|(pieces, columns)| CellHeat::gather(pieces, &columns, sorted, cell)),
+                source: sources.map(|s| node.map(|n| s.heat[n])),
+            };
+            transport::assemble(&cell, scalar, dt, out);
+        });
+        boundary::add_heat(mesh, conditions, scalar.capacity, voidage, &state.velocity, &mut heat.system);
+        boundary::apply_temperatures(mesh, conditions, &mut heat.system);
+        next.copy_from_slice(old);
+        let solved = heat.solver.solve(&heat.system.matrix, &heat.system.rhs, next)?;
+        report.heat_iterations = solved.iterations;
+        Ok(())
+    }
+
+    /// Nodal projection (A.15) of the solid flux phi v, with v the law of the bodies at the last accepted
+    /// fluid state.
+    fn project_solid_flux(&mut self, exchange: Option<&Exchange<'_, D>>) {
+        self.solid_flux.clear();
+        let Some(load) = exchange else { return };
+        self.solid_flux.resize(self.mesh.points.len(), Vector::zeros());
+        for body in 0..load.pieces.bodies() {
+            for piece in load.pieces.of(body) {
+                let phi = load.pieces.shape::<B>(piece);
+                let cell = load.pieces.cell[piece] as usize * B;
+                let mut velocity = Vector::<D>::zeros();
+                let mut slope = Vector::<D>::zeros();
+                for a in 0..B {
+                    let node = self.mesh.cells[cell + a] as usize;
+                    velocity += self.state.velocity[node] * phi[a];
+                    slope += self.gradient[cell + a] * self.state.pressure[node];
+                }
+                let moved = load.velocity[body]
+                    + (velocity * load.drag[body] - slope * load.volume[body]) * load.mobility[body];
+                let volume = load.pieces.share[piece] * load.volume[body];
+                for a in 0..B {
+                    let node = self.mesh.cells[cell + a] as usize;
+                    self.solid_flux[node] += moved * (volume * phi[a] / self.nodal_volume[node]);
+                }
+            }
+        }
+    }
+
+    fn newton_step(
+        &mut self,
+        iteration: usize,
+        dt: f64,
+        voidage: &[f64],
+        exchange: Option<&Exchange<'_, D>>,
+        conditions: &[Condition<D>],
+        report: &mut Report,
+    ) -> Result<()> {
+        self.assemble_flow(iteration, dt, voidage, exchange);
+        let velocity = &self.state.velocity;
+        boundary::add_flow(
+            &self.mesh,
+            conditions,
+            self.properties.density,
+            voidage,
+            velocity,
+            &mut self.system,
+        );
+        conditions::holds(&self.mesh, conditions, voidage, &mut self.holds);
+        boundary::apply_holds(&self.holds, &mut self.system);
+        let closed = !conditions.iter().any(|c| matches!(c.flow, FlowCondition::Open { .. }));
+        if closed {
+            boundary::close::<D, B>(&self.mesh, &self.holds, voidage, &mut self.system)?;
+        }
+        let start = if iteration == 0 { &self.state } else { &self.next };
+        for (node, block) in self.unknown.chunks_exact_mut(B).enumerate() {
+            block[..D].copy_from_slice(start.velocity[node].as_slice());
+            block[D] = start.pressure[node];
+        }
+        let solved = self.solver.solve(&self.system.matrix, &self.system.rhs, &mut self.unknown)?;
+        report.flow_iterations += solved.iterations;
+        report.residual = solved.residual;
+        report.factored |= solved.factored;
+        for (node, block) in self.unknown.chunks_exact(B).enumerate() {
+            self.next.velocity[node].copy_from_slice(&block[..D]);
+            self.next.pressure[node] = block[D];
+        }
+        if closed {
+            self.centre_pressure();
+        }
+        Ok(())
+    }
+
+    fn assemble_flow(
+        &mut self,
+        iteration: usize,
+        dt: f64,
+        voidage: &[f64],
+        exchange: Option<&Exchange<'_, D>>,
+    ) {
+        let (mesh, elements, sorted, fluid) = (&self.mesh, &self.elements, &self.sorted, &self.properties);
+        let old = &self.state.velocity;
+        let at = if iteration == 0 { old } else { &self.next.velocity };
+        let buoyancy = self.heat.as_ref().zip(self.next.temperature.as_ref());
+        let (sources, flux) = (self.sources.as_ref(), &self.solid_flux);
+        self.assembler.assemble(&mut self.system, |k, out| {
+            let node: [usize; B] = std::array::from_fn(|a| mesh.cells[B * k + a] as usize);
+            let element = elements[k];
+            let voidage = node.map(|n| voidage[n]);
+            let (mass, load) = forms::Cell::integrals(&element, &voidage);
+            let bodies = exchange.and_then(|load| CellExchange::gather(load, sorted, k));
+            let solid_divergence = match flux.is_empty() {
+                true => 0.0,
+                false => (0..B).map(|a| flux[node[a]].dot(&element.gradient[a])).sum(),
+            };
+            let lightness = buoyancy.map_or([1.0; B], |(heat, temperature)| {
+                node.map(|n| 1.0 - heat.properties.expansion * (temperature[n] - heat.properties.reference))
+            });
+            let weight = match exchange {
+                Some(_) => forms::fluid_weight(element.measure, &lightness, bodies.as_ref()),
+                None => std::array::from_fn(|a| (0..B).map(|b| mass[a][b] * lightness[b]).sum()),
+            };
+            let cell = forms::Cell {
+                element,
+                voidage,
+                old: node.map(|n| old[n]),
+                at: node.map(|n| at[n]),
+                weight,
+                solid_divergence,
+                exchange: bodies.as_ref(),
+                source: sources.map(|s| (node.map(|n| s.momentum[n]), node.map(|n| s.mass[n]))),
+                mass,
+                load,
+            };
+            forms::assemble(&cell, fluid, dt, out);
+        });
+    }
+
+    /// Moves the pressure of a closed domain to a mean of zero.
+    fn centre_pressure(&mut self) {
+        let volume: f64 = self.nodal_volume.iter().sum();
+        let total: f64 = self.next.pressure.iter().zip(&self.nodal_volume).map(|(p, v)| p * v).sum();
+        self.next.pressure.iter_mut().for_each(|p| *p -= total / volume);
+    }
+}

@@ -1,0 +1,395 @@
+//! The weak form of momentum and mass, one function per term.
+//!
+//! Set I of the volume-averaged Navier-Stokes equations (Henry et al., Eqs. 1-2, A.7-A.8), unknowns (u, p) at
+//! every node, tests (v, q), voidage eps known:
+//!
+//! ```text
+//! <eps rho (u - u_n)/dt, v> + <eps rho (u . grad) u, v> + <sigma, grad v> + <gamma_l u, v>
+//!     - <f_p, v> - <eps rho g (1 - beta (T - T_R)), v>
+//!     + sum_e xi <R_u, (U . grad) v>_e + sum_e rho xi_c <R_p, div v>_e = <<sigma n, v>>
+//! <div(phi v*), q> + <div(eps u), q> + sum_e (xi / rho) <R_u, grad q>_e = 0
+//! ```
+//!
+//! with R_u, R_p the residuals of A.4-A.5 and U the velocity u_n at the centroid of the element. The print has
+//! neither the 1/rho of the pressure stabilisation nor the rho of the incompressibility term; without them
+//! the units do not agree and the solution would change with the unit of mass (a test changes that unit).
+//!
+//! Local matrices are indexed `[a][b][i][j]`: row of test node a and equation i, column of node b and unknown
+//! j; equation and unknown `D` are mass and pressure.
+
+use crate::Vector;
+use crate::assembly::Local;
+use crate::element::{Element, weighted_load, weighted_mass};
+use crate::exchange::CellExchange;
+use nalgebra::SMatrix;
+
+/// Properties of the fluid that the momentum equation needs.
+#[derive(Clone, Debug)]
+pub struct Properties<const D: usize> {
+    /// Density rho, kg/m3.
+    pub density: f64,
+    /// Dynamic viscosity eta, Pa s.
+    pub viscosity: f64,
+    /// Gravity g, m/s2.
+    pub gravity: Vector<D>,
+    /// Drag of the front and rear walls of a thin cell, gamma_l in f_l = -gamma_l u, kg/m3/s; 0 without.
+    pub thin_cell_drag: f64,
+    /// Whether the drag of the grains enters the stabilisation time (off in the paper).
+    pub drag_in_stabilisation: bool,
+}
+
+/// Thermal buoyancy at the nodes of a cell: 1 - beta (T - T_R).
+pub type Lightness<const B: usize> = [f64; B];
+
+/// All that the terms need to know of one cell.
+pub struct Cell<'a, const D: usize, const B: usize> {
+    /// Shape functions.
+    pub element: Element<D, B>,
+    /// Nodal voidage.
+    pub voidage: [f64; B],
+    /// Velocity u_n of the last accepted step, m/s.
+    pub old: [Vector<D>; B],
+    /// Velocity about which convection is linearised, m/s.
+    pub at: [Vector<D>; B],
+    /// Weight of the fluid at the nodes over rho g, int eps (1 - beta (T - T_R)) phi_a; see [`fluid_weight`].
+    pub weight: [f64; B],
+    /// Divergence of the nodal solid flux phi v of the last accepted state, 1/s.
+    pub solid_divergence: f64,
+    /// The immersed bodies in the cell.
+    pub exchange: Option<&'a CellExchange<D, B>>,
+    /// Momentum source per volume at the nodes, N/m3 (manufactured solutions), and mass source, 1/s.
+    pub source: Option<([Vector<D>; B], [f64; B])>,
+    /// int eps phi_a phi_b.
+    pub mass: [[f64; B]; B],
+    /// int eps phi_a.
+    pub load: [f64; B],
+}
+
+impl<const D: usize, const B: usize> Cell<'_, D, B> {
+    /// The integrals that several terms share.
+    pub fn integrals(element: &Element<D, B>, voidage: &[f64; B]) -> ([[f64; B]; B], [f64; B]) {
+        (weighted_mass(element.measure, voidage), weighted_load(element.measure, voidage))
+    }
+
+    fn voidage_integral(&self) -> f64 {
+        self.load.iter().sum()
+    }
+}
+
+/// Integral over the cell of the strong momentum residual R_u, affine in the unknowns: `matrix[i][b][j]`.
+struct Residual<const D: usize, const B: usize> {
+    matrix: [[[f64; B]; B]; D],
+    rhs: Vector<D>,
+}
+
+/// Stabilisation times and lengths of one cell (A.10-A.12), from U = u_n at the centroid.
+pub struct Stabilisation<const D: usize> {
+    /// U, m/s.
+    pub direction: Vector<D>,
+    /// xi_u = xi_p, s.
+    pub time: f64,
+    /// xi_c, m2/s.
+    pub incompressibility: f64,
+}
+
+/// 1/xi^2 = (2/dt)^2 + (|U|/h)^2 + (4 nu/h^2)^2 (A.11, A.12), nu the diffusivity of the equation, m2/s.
+pub fn stabilisation_time(dt: f64, speed: f64, size: f64, diffusivity: f64, reaction: f64) -> f64 {
+    let rates = [2.0 / dt, speed / size, 4.0 * diffusivity / (size * size), reaction];
+    1.0 / rates.iter().map(|r| r * r).sum::<f64>().sqrt()
+}
+
+impl<const D: usize> Stabilisation<D> {
+    /// The parameters of one cell.
+    pub fn new<const B: usize>(cell: &Cell<'_, D, B>, fluid: &Properties<D>, dt: f64) -> Self {
+        let direction = cell.old.iter().sum::<Vector<D>>() / B as f64;
+        let speed = direction.norm();
+        let h = cell.element.size();
+        let nu = fluid.viscosity / fluid.density;
+        let reaction = match cell.exchange {
+            Some(bodies) if fluid.drag_in_stabilisation => {
+                bodies.total_drag() / (fluid.density * cell.voidage_integral())
+            }
+            _ => 0.0,
+        };
+        Self {
+            direction,
+            time: stabilisation_time(dt, speed, h, nu, reaction),
+            incompressibility: h * speed * (h * speed / (6.0 * nu)).min(0.5),
+        }
+    }
+}
+
+/// Integrals of eps l phi_a for the P1 field l = 1 - beta (T - T_R).
+///
+/// With bodies, eps is one less their pieces, exactly as in the pressure force V grad p on them: then a fluid
+/// at rest between bodies held fast, grad p = rho g, solves the discrete equations. The nodal voidage here
+/// would leave forces of the order of rho g times its variation, and currents in liquids.
+pub fn fluid_weight<const D: usize, const B: usize>(
+    measure: f64,
+    lightness: &Lightness<B>,
+    bodies: Option<&CellExchange<D, B>>,
+) -> [f64; B] {
+    let mut weight = weighted_load(measure, lightness);
+    if let Some(bodies) = bodies {
+        for a in 0..B {
+            weight[a] -= (0..B).map(|b| bodies.solid[a][b] * lightness[b]).sum::<f64>();
+        }
+    }
+    weight
+}
+
+/// Matrix and right-hand side of the cell.
+pub fn assemble<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    dt: f64,
+    out: &mut Local<B, B>,
+) {
+    *out = Local::default();
+    let stabilisation = Stabilisation::new(cell, fluid, dt);
+    inertia_and_convection(cell, fluid, dt, out);
+    stress(cell, fluid, out);
+    body_forces(cell, fluid, out);
+    mass_conservation(cell, out);
+    if let Some(bodies) = cell.exchange {
+        immersed_bodies(cell, bodies, out);
+    }
+    stabilise_momentum(cell, fluid, dt, &stabilisation, out);
+    least_squares_incompressibility(cell, fluid, &stabilisation, out);
+}
+
+/// <eps rho (u - u_n)/dt, v> + <eps rho ((w . grad) u + (u . grad) w - (w . grad) w), v>: backward Euler and
+/// one Newton linearisation of the convection about w.
+fn inertia_and_convection<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    dt: f64,
+    out: &mut Local<B, B>,
+) {
+    let rho = fluid.density;
+    let slope = cell.element.gradient_of_vector(&cell.at);
+    for a in 0..B {
+        let mut carried = Vector::<D>::zeros();
+        let mut old = Vector::<D>::zeros();
+        for b in 0..B {
+            carried += cell.at[b] * cell.mass[a][b];
+            old += cell.old[b] * cell.mass[a][b];
+        }
+        let known = (old / dt + slope * carried) * rho;
+        for i in 0..D {
+            out.rhs[a][i] += known[i];
+        }
+        for b in 0..B {
+            let diagonal = rho * (cell.mass[a][b] / dt + carried.dot(&cell.element.gradient[b]));
+            let block = &mut out.matrix[a][b];
+            for i in 0..D {
+                block[i][i] += diagonal;
+                for j in 0..D {
+                    block[i][j] += rho * cell.mass[a][b] * slope[(i, j)];
+                }
+            }
+        }
+    }
+}
+
+/// <sigma, grad v> with sigma = -p I + eps eta (grad u + grad u^T); the traction on open boundaries is in
+/// [`crate::boundary`].
+fn stress<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    out: &mut Local<B, B>,
+) {
+    let viscous = fluid.viscosity * cell.voidage_integral();
+    let share = cell.element.measure / B as f64;
+    let gradient = &cell.element.gradient;
+    for a in 0..B {
+        for b in 0..B {
+            let block = &mut out.matrix[a][b];
+            let product = viscous * gradient[a].dot(&gradient[b]);
+            for i in 0..D {
+                block[i][i] += product;
+                block[i][D] -= share * gradient[a][i];
+                for j in 0..D {
+                    block[i][j] += viscous * gradient[a][j] * gradient[b][i];
+                }
+            }
+        }
+    }
+}
+
+/// <gamma_l u, v> - <eps rho g (1 - beta (T - T_R)), v> - <s, v>.
+fn body_forces<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    out: &mut Local<B, B>,
+) {
+    let plain = weighted_mass(cell.element.measure, &[1.0; B]);
+    for a in 0..B {
+        for i in 0..D {
+            out.rhs[a][i] += fluid.density * fluid.gravity[i] * cell.weight[a];
+        }
+        if let Some((momentum, mass)) = &cell.source {
+            for b in 0..B {
+                for i in 0..D {
+                    out.rhs[a][i] += plain[a][b] * momentum[b][i];
+                }
+                out.rhs[a][D] += plain[a][b] * mass[b];
+            }
+        }
+        if fluid.thin_cell_drag != 0.0 {
+            for b in 0..B {
+                for i in 0..D {
+                    out.matrix[a][b][i][i] += fluid.thin_cell_drag * plain[a][b];
+                }
+            }
+        }
+    }
+}
+
+/// -<eps u, grad q>: the boundary part <<eps u . n, q>> is in [`crate::boundary`].
+fn mass_conservation<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, out: &mut Local<B, B>) {
+    for a in 0..B {
+        for b in 0..B {
+            for j in 0..D {
+                out.matrix[a][b][D][j] -= cell.load[b] * cell.element.gradient[a][j];
+            }
+        }
+    }
+}
+
+/// -<f_p, v> - <phi v*, grad q>, sums over the pieces of the bodies in the cell, with
+/// f_p = V grad p - gamma (u - v*) and v* = b + a (gamma u - V grad p).
+fn immersed_bodies<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    bodies: &CellExchange<D, B>,
+    out: &mut Local<B, B>,
+) {
+    let gradient = &cell.element.gradient;
+    for a in 0..B {
+        for i in 0..D {
+            out.rhs[a][i] += bodies.force[a][i];
+        }
+        out.rhs[a][D] += bodies.volume_flux.dot(&gradient[a]);
+        for b in 0..B {
+            let block = &mut out.matrix[a][b];
+            for i in 0..D {
+                block[i][i] += bodies.drag[a][b];
+                block[i][D] += bodies.pressure[a] * gradient[b][i];
+                block[D][i] -= bodies.carried[b] * gradient[a][i];
+            }
+            block[D][D] += bodies.diffusion * gradient[a].dot(&gradient[b]);
+        }
+    }
+}
+
+/// int_e R_u with R_u = eps rho Du/Dt - div sigma - f_p + gamma_l u - eps rho g (1 - beta (T - T_R)) - s.
+/// For P1 fields div(eps eta (grad u + grad u^T)) = eta (grad u + grad u^T) grad eps inside the element.
+fn momentum_residual<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    dt: f64,
+) -> Residual<D, B> {
+    let rho = fluid.density;
+    let measure = cell.element.measure;
+    let gradient = &cell.element.gradient;
+    let slope: SMatrix<f64, D, D> = cell.element.gradient_of_vector(&cell.at);
+    let voidage_slope = cell.element.gradient_of(&cell.voidage);
+    let mut carried = Vector::<D>::zeros();
+    let mut old = Vector::<D>::zeros();
+    for a in 0..B {
+        carried += cell.at[a] * cell.load[a];
+        old += cell.old[a] * cell.load[a];
+    }
+    let weight: f64 = cell.weight.iter().sum();
+    let mut rhs = (old / dt + slope * carried + fluid.gravity * weight) * rho;
+    if let Some((momentum, _)) = &cell.source {
+        rhs += momentum.iter().sum::<Vector<D>>() * (measure / B as f64);
+    }
+    let mut matrix = [[[0.0; B]; B]; D];
+    for b in 0..B {
+        let diagonal = rho * (cell.load[b] / dt + carried.dot(&gradient[b]))
+            + fluid.thin_cell_drag * measure / B as f64
+            - fluid.viscosity * measure * gradient[b].dot(&voidage_slope);
+        for i in 0..D {
+            matrix[i][b][i] += diagonal;
+            matrix[i][b][D] += measure * gradient[b][i];
+            for j in 0..D {
+                matrix[i][b][j] += rho * cell.load[b] * slope[(i, j)]
+                    - fluid.viscosity * measure * gradient[b][i] * voidage_slope[j];
+            }
+        }
+    }
+    if let Some(bodies) = cell.exchange {
+        let pressure: f64 = bodies.pressure.iter().sum();
+        rhs += bodies.force.iter().sum::<Vector<D>>();
+        for b in 0..B {
+            let drag: f64 = (0..B).map(|a| bodies.drag[a][b]).sum();
+            for i in 0..D {
+                matrix[i][b][i] += drag;
+                matrix[i][b][D] += pressure * gradient[b][i];
+            }
+        }
+    }
+    Residual { matrix, rhs }
+}
+
+/// SUPG, xi <R_u, (U . grad) v>, and PSPG, (xi / rho) <R_u, grad q>: for P1 tests both weigh the integral of
+/// R_u over the element with constants.
+fn stabilise_momentum<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    dt: f64,
+    stabilisation: &Stabilisation<D>,
+    out: &mut Local<B, B>,
+) {
+    let residual = momentum_residual(cell, fluid, dt);
+    for a in 0..B {
+        let along = stabilisation.time * stabilisation.direction.dot(&cell.element.gradient[a]);
+        let across = cell.element.gradient[a] * (stabilisation.time / fluid.density);
+        for i in 0..D {
+            out.rhs[a][i] += along * residual.rhs[i];
+            out.rhs[a][D] += across[i] * residual.rhs[i];
+            for b in 0..B {
+                let row = residual.matrix[i][b];
+                let block = &mut out.matrix[a][b];
+                for j in 0..B {
+                    block[i][j] += along * row[j];
+                    block[D][j] += across[i] * row[j];
+                }
+            }
+        }
+    }
+}
+
+/// LSIC, rho xi_c <R_p, div v> with R_p = div(phi v) + div(eps u) - s_m; phi v is the nodal projection (A.15)
+/// of the solid flux at the last accepted state, so that the term stays inside the element.
+fn least_squares_incompressibility<const D: usize, const B: usize>(
+    cell: &Cell<'_, D, B>,
+    fluid: &Properties<D>,
+    stabilisation: &Stabilisation<D>,
+    out: &mut Local<B, B>,
+) {
+    let scale = fluid.density * stabilisation.incompressibility;
+    if scale == 0.0 {
+        return;
+    }
+    let measure = cell.element.measure;
+    let voidage = cell.voidage_integral();
+    let voidage_slope = cell.element.gradient_of(&cell.voidage);
+    let source = cell.source.as_ref().map_or(0.0, |(_, mass)| mass.iter().sum::<f64>() / B as f64);
+    let known = measure * (source - cell.solid_divergence);
+    for a in 0..B {
+        let test = cell.element.gradient[a] * scale;
+        for i in 0..D {
+            out.rhs[a][i] += test[i] * known;
+        }
+        for b in 0..B {
+            let divergence = cell.element.gradient[b] * voidage + voidage_slope * (measure / B as f64);
+            for i in 0..D {
+                for j in 0..D {
+                    out.matrix[a][b][i][j] += test[i] * divergence[j];
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Meshes in Gmsh's format: .msh 4.1 as text.
+//!
+//! Format: "MSH file format", Gmsh reference manual. Read are `$PhysicalNames`, `$Entities`, `$Nodes` and `$Elements`;
+//! other sections are passed over.
+
+mod read;
+#[cfg(test)]
+mod tests;
+mod write;
+
+/// Gmsh's number of an element type: 2-node line, 3-node triangle, 4-node tetrahedron.
+const SIMPLEX: [u32; 4] = [15, 1, 2, 4];

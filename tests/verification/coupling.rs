@@ -1,0 +1,336 @@
+//! Exact oracles of the exchange between grains and fluid (physics.md, section 8).
+
+use approx::assert_relative_eq;
+use voidage_coupling::Coupled;
+use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use voidage_coupling::scheme::SchemeName;
+use voidage_dem::{Conduction, Material, Settings};
+use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
+use voidage_fluid::flow::HeatProperties;
+use voidage_fluid::transport::Scalar;
+use voidage_tests::{
+    FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
+};
+
+const OPEN: FlowCondition<2> = FlowCondition::Open { pressure: 0.0 };
+const GRAVITY: f64 = 9.81;
+
+/// A grain whose solid is so thin (chi = 1e-6) that it moves no fluid: the one-way limit.
+fn lone_grain(diameter: f64, solid: f64, fluid: f64, viscosity: f64) -> Coupled<2> {
+    let size = 40.0 * diameter;
+    let mut set = FluidSet::new(fluid, viscosity).flow("top", OPEN);
+    set.properties.gravity = Vec2::new(0.0, -GRAVITY);
+    let mesh = grid([size; 2], [6, 6]);
+    let start = set.rest(&mesh, 0.0);
+    let material = Material { density: solid, solidity: 1e-6, ..Material::default() };
+    let grain =
+        grains(vec![Vec2::new(0.5 * size, 0.9 * size)], 0.5 * diameter, material, Settings::default());
+    set.with_grains(set.build(mesh, start), grain, set.laws(None), SchemeName::Henry)
+}
+
+fn speed_at(time: f64, dt: f64) -> f64 {
+    let mut system = lone_grain(2.5e-3, 1100.0, 1000.0, 1e-3);
+    for _ in 0..(time / dt).round() as usize {
+        system.step(dt).expect("a step");
+    }
+    -system.grains.expect("grains").particles.velocity[0].y
+}
+
+/// d 2.5 mm, 1100 in 1000 kg/m3, nu 1e-6, from rest: first order in dt, so that extrapolation meets the exact
+/// v(0.01) = 8.67228e-3 and v(0.05) = 3.471752e-2 m/s.
+#[test]
+fn a_grain_falls_from_rest_as_the_equation_of_motion_says() {
+    for (time, exact) in [(0.01, 8.67228e-3), (0.05, 3.471752e-2)] {
+        let (coarse, fine) = (speed_at(time, time / 100.0), speed_at(time, time / 200.0));
+        let order = ((coarse - exact) / (fine - exact)).log2();
+        assert!((order - 1.0).abs() < 0.05, "order {order}");
+        assert_relative_eq!(2.0 * fine - coarse, exact, max_relative = 2e-5);
+    }
+}
+
+/// Dallavalle in water, 998.25 kg/m3, 1.002e-3 Pa s.
+#[test]
+fn terminal_velocities_are_those_of_dallavalle() {
+    for (diameter, solid, exact) in
+        [(1e-3, 2488.0, 0.13355), (5e-4, 2523.0, 0.06898), (1.25e-4, 2494.0, 0.01007)]
+    {
+        let mut system = lone_grain(diameter, solid, 998.25, 1.002e-3);
+        let dt = 0.02 * diameter / exact;
+        for _ in 0..1200 {
+            system.step(dt).expect("a step");
+            let grains = system.grains.as_mut().expect("grains");
+            // Held in place, so that the box may be small: the fluid does not feel it anyway.
+            grains.particles.position[0].y = 36.0 * diameter;
+        }
+        let speed = -system.grains.expect("grains").particles.velocity[0].y;
+        assert_relative_eq!(speed, exact, max_relative = 6e-4);
+    }
+}
+
+/// Speeds so small that drag is linear and convection is below round-off.
+const CREEP: f64 = 1e-18;
+
+/// A homogeneous mixture whose grains turn like a rigid body, the fluid at rest, in a round box without wall
+/// friction: no strain, no divergence, no flow through the rim, so that nothing but drag acts.
+struct SlipBox {
+    system: Coupled<2>,
+    /// Drag per volume of mixture over the densities of mixture per volume: the rates of fluid and grains.
+    fluid_rate: f64,
+    grain_rate: f64,
+}
+
+fn slip_box(scheme: SchemeName) -> SlipBox {
+    let (rho_f, eta, rho_s, radius, phi) = (3.0, 1e-2, 7.0, 0.01, 0.4);
+    let mut set = FluidSet::new(rho_f, eta);
+    let rim = Condition { boundary: "rim".into(), flow: FlowCondition::Slip, heat: HeatCondition::Adiabatic };
+    set.conditions = vec![rim];
+    let mesh = cake(24);
+    let start = set.rest(&mesh, 0.0);
+    let mut grains = grains(three_per_cell(&mesh), radius, Material::default(), weightless());
+    let volume = phi * mesh.measure(0) / 3.0;
+    grains.particles.volume.fill(volume);
+    grains.particles.mass.fill(rho_s * volume);
+    let turning: Vec<Vec2> = grains.particles.position.iter().map(|x| Vec2::new(-x.y, x.x) * CREEP).collect();
+    grains.particles.velocity.copy_from_slice(&turning);
+    let around = Surroundings {
+        slip: 0.0,
+        voidage: 1.0 - phi,
+        diameter: 2.0 * radius,
+        density: rho_f,
+        viscosity: eta,
+    };
+    let laws = set.laws(None);
+    let beta = phi * laws.drag.coefficient(&around, VoidageFunction::None);
+    let (fluid_rate, grain_rate) = (beta / ((1.0 - phi) * rho_f), beta / (phi * rho_s));
+    SlipBox { system: set.with_grains(set.build(mesh, start), grains, laws, scheme), fluid_rate, grain_rate }
+}
+
+impl SlipBox {
+    /// Difference of the angular velocities, seen at a node of the rim and at one grain.
+    fn slip(&mut self) -> f64 {
+        let fields = self.system.fluid.as_mut().expect("fluid").backend.fields().expect("fields");
+        let particles = &self.system.grains.as_ref().expect("grains").particles;
+        let (x, v) = (particles.position[10], particles.velocity[10]);
+        fields.velocity[1].y - (x.x * v.y - x.y * v.x) / x.norm_squared()
+    }
+}
+
+/// No constraint: slip decays by (1 - B)/(1 + A) with the explicit scheme and 1/(1 + A + B) with the predicted
+/// velocity, A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), whatever dt.
+#[test]
+fn slip_decays_by_the_exact_factor_of_each_scheme() {
+    for scheme in [SchemeName::Explicit, SchemeName::Henry, SchemeName::HenryFree] {
+        for share in [1e-3, 0.1, 1.0, 10.0] {
+            let mut slip_box = slip_box(scheme);
+            let dt = share / slip_box.grain_rate;
+            let (a, b) = (slip_box.fluid_rate * dt, slip_box.grain_rate * dt);
+            let exact = match scheme {
+                SchemeName::Explicit => (1.0 - b) / (1.0 + a),
+                _ => 1.0 / (1.0 + a + b),
+            };
+            let before = slip_box.slip();
+            let report = slip_box.system.step(dt).expect("a step");
+            assert_relative_eq!(slip_box.slip() / before, exact, epsilon = 1e-7);
+            assert!(report.momentum_exchange_defect < Some(1e-12));
+            assert!(report.solid_volume_defect < Some(1e-12));
+        }
+    }
+}
+
+fn heat_properties(conductivity: f64) -> HeatProperties {
+    let scalar = Scalar { capacity: 3.0 * 1000.0, conductivity, thin_cell: None };
+    HeatProperties { scalar, expansion: 0.0, reference: 0.0 }
+}
+
+/// An insulated box: a homogeneous mixture at two temperatures. Returns it and the rates A/dt, B/dt.
+fn heat_box(scheme: SchemeName, conduction: Option<Conduction>) -> (Coupled<2>, f64, f64) {
+    // Neighbours across a diagonal, sqrt(2)/3 apart, just overlap.
+    let (eta, radius) = (1e-2, f64::sqrt(2.0) / 6.0 + 1e-6);
+    let mut set = FluidSet::new(3.0, eta);
+    set.heat = Some(heat_properties(0.5));
+    let mesh = grid([4.0, 4.0], [4, 4]);
+    let start = set.rest(&mesh, 20.0);
+    let material = Material {
+        density: 7.0,
+        heat_capacity: 500.0,
+        young: 1e7,
+        poisson: 0.3,
+        conductivity: 2.0,
+        ..Material::default()
+    };
+    let settings = Settings { conduction, ..weightless() };
+    let grains = hot_grains(one_per_cell(&mesh), radius, material, settings, 70.0);
+    let phi = grains.particles.volume[0] / 0.5;
+    let thermal = ThermalFluid { conductivity: 0.5, prandtl: 1000.0 * eta / 0.5 };
+    let around =
+        Surroundings { slip: 0.0, voidage: 1.0 - phi, diameter: 2.0 * radius, density: 3.0, viscosity: eta };
+    let h = phi * HeatTransfer::RanzMarshall.coefficient(&around, &thermal, VoidageFunction::None);
+    let rates = (h / ((1.0 - phi) * 3.0 * 1000.0), h / (phi * 7.0 * 500.0));
+    let system = set.with_grains(set.build(mesh, start), grains, set.laws(Some(thermal)), scheme);
+    (system, rates.0, rates.1)
+}
+
+fn temperatures(system: &mut Coupled<2>) -> (Vec<f64>, Vec<f64>) {
+    let fields = system.fluid.as_mut().expect("fluid").backend.fields().expect("fields");
+    let grains = system.grains.as_ref().expect("grains");
+    (fields.temperature.expect("heat"), grains.particles.heat.as_ref().expect("heat").temperature.clone())
+}
+
+/// The same factors with capacities in place of masses.
+#[test]
+fn temperature_difference_decays_by_the_exact_factor_of_each_scheme() {
+    for scheme in [SchemeName::Explicit, SchemeName::Henry] {
+        for share in [1e-3, 0.1, 1.0, 10.0] {
+            let (mut system, fluid_rate, grain_rate) = heat_box(scheme, None);
+            let dt = share / grain_rate;
+            let (a, b) = (fluid_rate * dt, grain_rate * dt);
+            let exact = match scheme {
+                SchemeName::Explicit => (1.0 - b) / (1.0 + a),
+                _ => 1.0 / (1.0 + a + b),
+            };
+            let report = system.step(dt).expect("a step");
+            let (fluid, grains) = temperatures(&mut system);
+            assert_relative_eq!((fluid[5] - grains[3]) / (20.0 - 70.0), exact, epsilon = 1e-9);
+            assert!(report.energy_exchange_defect < Some(1e-12));
+        }
+    }
+}
+
+/// Insulated, no flow, grains and fluid at many temperatures, contacts that conduct: the sum of all heat stays.
+#[test]
+fn the_energy_of_a_closed_system_is_constant() {
+    let (mut system, _, _) = heat_box(SchemeName::Explicit, Some(Conduction::Henry));
+    let grains = system.grains.as_mut().expect("grains");
+    if let Some(heat) = &mut grains.particles.heat {
+        heat.temperature.iter_mut().enumerate().for_each(|(i, t)| *t += 13.0 * ((i * 7) % 5) as f64);
+    }
+    let energy = |system: &mut Coupled<2>| {
+        let (fluid, grains) = temperatures(system);
+        let interaction = system.interaction.as_ref().expect("both");
+        let volume = &system.fluid.as_ref().expect("fluid").nodal_volume;
+        let capacity =
+            &system.grains.as_ref().expect("grains").particles.heat.as_ref().expect("heat").capacity;
+        let gas: f64 =
+            (0..fluid.len()).map(|a| interaction.load.voidage[a] * volume[a] * 3000.0 * fluid[a]).sum();
+        gas + grains.iter().zip(capacity).map(|(t, c)| t * c).sum::<f64>()
+    };
+    // Contacts push the overlapping grains apart, and so carry force and conduct; then the grains are put back,
+    // so that the voidage stays and nothing flows (the explicit scheme does not foresee contacts).
+    let places = system.grains.as_ref().expect("grains").particles.position.clone();
+    system.step(1e-6).expect("a step");
+    let before = energy(&mut system);
+    let mut conducted = 0.0;
+    for _ in 0..20 {
+        let grains = system.grains.as_mut().expect("grains");
+        grains.particles.position.copy_from_slice(&places);
+        grains.particles.velocity.fill(Vec2::zeros());
+        system.step(0.5).expect("a step");
+        conducted +=
+            system.grains.as_ref().expect("grains").contact_heat().iter().map(|q| q.abs()).sum::<f64>();
+    }
+    assert!(conducted > 0.0, "no contact conducted: the test tests nothing");
+    assert_relative_eq!(energy(&mut system), before, max_relative = 1e-10);
+}
+
+/// Ranz and Marshall, U 6 m/s, d 3.6 mm, 8850 kg/m3, 55 J/kg/K in air 1.1854/1007/0.026/1.85e-5 from 373.15 to
+/// 298.15 K: tau = rho_p c_p d^2 / (6 Nu k) = 1.840243 s.
+#[test]
+fn a_grain_cools_in_a_stream_as_ranz_and_marshall_say() {
+    let diameter = 3.6e-3;
+    let wind = Vec2::new(6.0, 0.0);
+    let mut set = FluidSet::new(1.1854, 1.85e-5)
+        .flow("left", FlowCondition::Velocity(Prescribed::Uniform(wind)))
+        .flow("bottom", FlowCondition::Slip)
+        .flow("top", FlowCondition::Slip)
+        .flow("right", OPEN);
+    let scalar = Scalar { capacity: 1.1854 * 1007.0, conductivity: 0.026, thin_cell: None };
+    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 298.15 });
+    set.conditions[0].heat = HeatCondition::Temperature(298.15);
+    let mesh = grid([0.4, 0.2], [8, 4]);
+    let mut start = set.rest(&mesh, 298.15);
+    start.velocity.fill(wind);
+    let material = Material { density: 8850.0, heat_capacity: 55.0, solidity: 1e-9, ..Material::default() };
+    let mut grain = hot_grains(vec![Vec2::new(0.21, 0.09)], 0.5 * diameter, material, weightless(), 373.15);
+    grain.particles.mass[0] = f64::INFINITY; // held in the stream
+    let thermal = ThermalFluid { conductivity: 0.026, prandtl: 1007.0 * 1.85e-5 / 0.026 };
+    let mut system =
+        set.with_grains(set.build(mesh, start), grain, set.laws(Some(thermal)), SchemeName::Henry);
+    if let Some(interaction) = &mut system.interaction {
+        interaction.at.velocity[0] = wind;
+    }
+    let (dt, steps) = (1e-3, 500);
+    for _ in 0..steps {
+        system.step(dt).expect("a step");
+    }
+    let (_, grain) = temperatures(&mut system);
+    // Backward Euler: (1 + dt/tau)^-n.
+    let ratio = (grain[0] - 298.15) / (373.15 - 298.15);
+    let tau = dt / (ratio.powf(-1.0 / steps as f64) - 1.0);
+    assert_relative_eq!(tau, 1.840243, max_relative = 1e-6);
+}
+
+/// Water at rest among grains held fast, the surface open: the weight of the fluid and the pressure on the
+/// grains are discretised alike, so nothing moves and the pressure is linear.
+#[test]
+fn a_liquid_at_rest_between_held_grains_stays_at_rest() {
+    let mut set = FluidSet::new(1000.0, 1e-3).flow("top", OPEN);
+    set.properties.gravity = Vec2::new(0.0, -GRAVITY);
+    let mesh = grid([0.1, 0.1], [10, 10]);
+    let start = set.rest(&mesh, 0.0);
+    let places = (0..25).map(|k| Vec2::new(0.012 + 0.019 * (k % 5) as f64, 0.013 + 0.018 * (k / 5) as f64));
+    let material = Material { density: 2500.0, ..Material::default() };
+    let mut held = grains(places.collect(), 0.008, material, Settings::default());
+    held.particles.mass.fill(f64::INFINITY);
+    let mut system = set.with_grains(set.build(mesh, start), held, set.laws(None), SchemeName::Henry);
+    for _ in 0..5 {
+        system.step(1e-2).expect("a step");
+    }
+    let fluid = system.fluid.as_mut().expect("fluid");
+    let fields = fluid.backend.fields().expect("fields");
+    for (x, (u, p)) in fluid.mesh.points.iter().zip(fields.velocity.iter().zip(&fields.pressure)) {
+        assert!(u.norm() < 1e-9, "{u} at {x}");
+        assert_relative_eq!(*p, 1000.0 * GRAVITY * (0.1 - x.y), epsilon = 1e-5);
+    }
+    let force: Vec2 = system.interaction.expect("both").force.iter().sum();
+    let volume = std::f64::consts::PI * 0.008 * 0.008 * 25.0;
+    assert_relative_eq!(force.y, 1000.0 * GRAVITY * volume, max_relative = 1e-9);
+}
+
+/// A bed at rest on its floor under an inflow below fluidisation is a porous plug: with grains that are held,
+/// the pressure drop is that of the drag law, dp/dy = phi gamma/V w / eps, in a homogeneous bed.
+#[test]
+fn the_pressure_drop_of_a_held_homogeneous_bed_is_that_of_its_drag_law() {
+    let (rho, eta, radius) = (1.2, 2e-5, 1.8e-3);
+    let inflow = Vec2::new(0.0, 0.5);
+    let mut set = FluidSet::new(rho, eta)
+        .flow("left", FlowCondition::Slip)
+        .flow("right", FlowCondition::Slip)
+        .flow("bottom", FlowCondition::SuperficialVelocity(Prescribed::Uniform(inflow)))
+        .flow("top", OPEN);
+    set.numerics.newton = 2;
+    let mesh = grid([0.04, 0.08], [4, 8]);
+    let mut start = set.rest(&mesh, 0.0);
+    let mut held = grains(one_per_cell(&mesh), radius, Material::default(), weightless());
+    let phi = held.particles.volume[0] / 5e-5;
+    start.velocity.fill(inflow / (1.0 - phi));
+    held.particles.mass.fill(f64::INFINITY);
+    let laws = set.laws(None);
+    let mut system = set.with_grains(set.build(mesh, start), held, laws, SchemeName::Henry);
+    for _ in 0..20 {
+        system.step(0.05).expect("a step");
+    }
+    let slip = 0.5 / (1.0 - phi);
+    let around =
+        Surroundings { slip, voidage: 1.0 - phi, diameter: 2.0 * radius, density: rho, viscosity: eta };
+    let exact = phi * laws.drag.coefficient(&around, VoidageFunction::None) * slip / (1.0 - phi);
+    let fluid = system.fluid.as_mut().expect("fluid");
+    let fields = fluid.backend.fields().expect("fields");
+    let mean = |y: f64| {
+        let at: Vec<f64> = (0..fluid.mesh.points.len())
+            .filter(|&a| (fluid.mesh.points[a].y - y).abs() < 1e-9)
+            .map(|a| fields.pressure[a])
+            .collect();
+        at.iter().sum::<f64>() / at.len() as f64
+    };
+    assert_relative_eq!((mean(0.02) - mean(0.06)) / 0.04, exact, max_relative = 1e-6);
+}
