@@ -12,7 +12,7 @@ mod run;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use voidage_coupling::Result;
+use voidage_coupling::{Error, Result};
 
 /// Discrete grains in a finite element fluid.
 #[derive(Parser)]
@@ -67,9 +67,12 @@ fn perform(command: Command) -> Result<u8> {
         Command::Run(options) => run::run(&options),
         Command::Check { scene, sets } => check::check(&scene, &sets),
         Command::Plot { folder } => {
-            for picture in plot::draw(&folder)? {
-                println!("{}", picture.display());
+            let pictures = plot::draw(&folder)?;
+            if pictures.is_empty() {
+                let what = "holds neither series.csv nor frames\n  help: give the folder of a run (its option --out)";
+                return Err(Error::Input(format!("{}: {what}", folder.display())));
             }
+            pictures.iter().for_each(|picture| println!("{}", picture.display()));
             Ok(0)
         }
         Command::Schema => {

@@ -1,12 +1,19 @@
 //! Errors on the terminal, with the place underlined.
 
-use miette::{Diagnostic, LabeledSpan, NamedSource, Report, SourceCode};
+use miette::{Diagnostic, LabeledSpan, MietteHandlerOpts, NamedSource, Report, SourceCode};
 use std::fmt;
+use std::io::IsTerminal;
 use voidage_coupling::Error;
 use voidage_coupling::scene::{Place, SceneError};
 
 /// Prints an error to stderr.
 pub fn print(error: &Error) {
+    if !std::io::stderr().is_terminal() {
+        // Whoever reads a pipe wants whole lines. The hook is set once, so this cannot fail.
+        let _ = miette::set_hook(Box::new(|_| {
+            Box::new(MietteHandlerOpts::new().color(false).wrap_lines(false).build())
+        }));
+    }
     match error {
         Error::Scene(error) => eprintln!("{:?}", Report::new(Underlined::new(error))),
         other => {

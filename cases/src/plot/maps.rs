@@ -60,11 +60,12 @@ impl<'a> Grid<'a> {
         [least(self.x) - self.half[0], bottom, most(self.x) + self.half[0], top]
     }
 
-    fn fill(&self, plane: &mut Plane, scale: &Scale, value: impl Fn(usize) -> f64) {
-        for square in 0..self.x.len() {
+    /// Fills the squares that have a value; the others stay white.
+    fn fill(&self, plane: &mut Plane, scale: &Scale, value: impl Fn(usize) -> Option<f64>) {
+        for (square, value) in (0..self.x.len()).filter_map(|square| Some((square, value(square)?))) {
             let lower = [self.x[square] - self.half[0], self.y[square] - self.half[1]];
             let upper = [self.x[square] + self.half[0], self.y[square] + self.half[1]];
-            plane.rectangle(lower, upper, scale.colour(value(square)));
+            plane.rectangle(lower, upper, scale.colour(value));
         }
     }
 
@@ -78,7 +79,7 @@ impl<'a> Grid<'a> {
             part: [0.0, 1.0],
         };
         let mut plane = Plane::new(path, self.plane(), "", std::slice::from_ref(&scale))?;
-        self.fill(&mut plane, &scale, |square| self.packing[square]);
+        self.fill(&mut plane, &scale, |square| Some(self.packing[square]));
         plane.save()
     }
 
@@ -95,7 +96,7 @@ impl<'a> Grid<'a> {
         };
         let bounds = self.plane();
         let mut plane = Plane::new(path, bounds, "", std::slice::from_ref(&scale))?;
-        self.fill(&mut plane, &scale, |square| if seen(&square) { self.speed(square) } else { 0.0 });
+        self.fill(&mut plane, &scale, |square| seen(&square).then(|| self.speed(square)));
         // About 22 arrows across; the longest reaches its neighbour.
         let width = bounds[2] - bounds[0];
         let skip = (width / 22.0 / (2.0 * self.half[0])).round().max(1.0);

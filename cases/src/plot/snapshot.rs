@@ -60,7 +60,9 @@ pub fn draw(
     if fluid.is_none() {
         points.extend(grains.iter().flat_map(|grains| &grains.points));
         let still = scene.walls.iter().filter(|wall| wall.motion.is_none());
-        points.extend(still.flat_map(|wall| [&wall.from, &wall.to]).map(|end| <[f64; 3]>::from(end.vector::<3>())));
+        points.extend(
+            still.flat_map(|wall| [&wall.from, &wall.to]).map(|end| <[f64; 3]>::from(end.vector::<3>())),
+        );
     }
     let least = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::INFINITY, f64::min);
     let most = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::NEG_INFINITY, f64::max);

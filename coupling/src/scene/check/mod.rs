@@ -54,10 +54,10 @@ pub(super) fn structure(scene: &Scene) -> Checked {
 /// Checks of the values, with defaults filled in.
 pub(super) fn values(scene: &Scene) -> Checked {
     time(scene)?;
-    grains::check(scene)?;
     if let Some(fluid) = &scene.fluid {
         fluid::check(scene, fluid)?;
     }
+    grains::check(scene)?;
     if scene.coupling.as_ref().is_some_and(|coupling| coupling.heat.is_some()) {
         let sides = [("grains", scene.grains_have_heat()), ("fluid", scene.fluid_has_heat())];
         if let Some((side, _)) = sides.iter().find(|(_, heat)| !heat) {

@@ -1,0 +1,351 @@
+//! Broken input: each ends with exit code 2 and a message that names the file, the line, the value and the remedy.
+
+use assert_cmd::Command;
+use std::fs;
+use std::path::Path;
+
+const BED: &str = include_str!("bed.toml");
+
+/// One mistake in the small bed.
+struct Mistake {
+    what: &'static str,
+    /// A text of the good scene, and what it is replaced by.
+    change: [&'static str; 2],
+    /// The line at fault begins like this, and is the last that does.
+    line: &'static str,
+    /// All of this is in the message: key or value, and the remedy.
+    says: &'static [&'static str],
+}
+
+const fn mistake(
+    what: &'static str,
+    change: [&'static str; 2],
+    line: &'static str,
+    says: &'static [&'static str],
+) -> Mistake {
+    Mistake { what, change, line, says }
+}
+
+const MISTAKES: &[Mistake] = &[
+    mistake(
+        "unknown key",
+        ["radius =", "raduis ="],
+        "raduis",
+        &["grains[0].raduis", "did you mean `radius`?"],
+    ),
+    mistake(
+        "unknown table",
+        ["[contacts]", "[kontakts]"],
+        "[kontakts]",
+        &["kontakts", "did you mean `contacts`?"],
+    ),
+    mistake(
+        "wrong type",
+        ["density = 1.204", "density = \"air\""],
+        "density = \"air\"",
+        &["fluid.density = \"air\"", "expected a number", "kg/m3"],
+    ),
+    mistake(
+        "a list of the wrong length",
+        ["[5e-4, 6e-4]", "[5e-4]"],
+        "radius =",
+        &["grains[0].radius.uniform", "length 2"],
+    ),
+    mistake("negative count", ["count = 40", "count = -40"], "amount =", &["grains[0].amount", "-40"]),
+    mistake("missing key", ["viscosity = 2e-5\n", ""], "[fluid]", &["missing field `viscosity`", "Pa s"]),
+    mistake(
+        "missing table",
+        ["[time]\nstep = 1e-3\nend = 0.04", ""],
+        "",
+        &["missing field `time`", "Step and end"],
+    ),
+    mistake("no TOML", ["[contacts]", "[contacts"], "[contacts", &["TOML"]),
+    mistake("a key twice", ["end = 0.04", "end = 0.04\nend = 0.05"], "end = 0.05", &["duplicate key"]),
+    mistake("not a number", ["end = 0.04", "end = nan"], "end = nan", &["time.end = nan", "finite"]),
+    mistake(
+        "infinite",
+        ["temperature = 363.15", "temperature = inf"],
+        "temperature = inf",
+        &["grains[0].temperature = inf", "finite"],
+    ),
+    mistake(
+        "zero radius",
+        ["{ uniform = [5e-4, 6e-4] }", "{ constant = 0 }"],
+        "radius =",
+        &["grains[0].radius.constant = 0", "above 0"],
+    ),
+    mistake(
+        "radii upside down",
+        ["[5e-4, 6e-4]", "[6e-4, 5e-4]"],
+        "radius =",
+        &["0.0006, 0.0005", "[smallest, largest]"],
+    ),
+    mistake(
+        "negative density",
+        ["density = 2500.0", "density = -2500.0"],
+        "density = -2500.0",
+        &["materials.glass.density = -2500", "above 0"],
+    ),
+    mistake("too much solid", ["solidity = 0.8165", "solidity = 1.2"], "solidity", &["1.2", "at most 1"]),
+    mistake(
+        "restitution above 1",
+        ["friction = 0.3", "restitution = 1.5"],
+        "restitution",
+        &["1.5", "from 0 to 1"],
+    ),
+    mistake(
+        "unknown material",
+        ["material = \"glass\"\nradius", "material = \"gold\"\nradius"],
+        "material = \"gold\"",
+        &["gold", "there are: glass"],
+    ),
+    mistake(
+        "heat without a heat capacity",
+        ["heat_capacity = 840.0\n", ""],
+        "[materials.glass]",
+        &["heat_capacity", "add"],
+    ),
+    mistake(
+        "conduction without temperature",
+        ["temperature = 363.15\n", ""],
+        "conduction",
+        &["contacts.conduction", "give all `grains` a `temperature`"],
+    ),
+    mistake(
+        "a box outside of the fluid",
+        ["upper = [0.01, 0.02], arr", "upper = [0.01, 0.2], arr"],
+        "placement",
+        &["[0.01, 0.2]", "outside of the fluid", "stay within"],
+    ),
+    mistake(
+        "a box upside down",
+        ["lower = [0.0, 0.0], upper = [0.01, 0.02]", "lower = [0.0, 0.02], upper = [0.01, 0.0]"],
+        "placement",
+        &["[0.01, 0.0]", "above"],
+    ),
+    mistake(
+        "neighbours that overlap",
+        ["spacing = 1.05", "spacing = 0.9"],
+        "placement",
+        &["0.9", "1 or more"],
+    ),
+    mistake(
+        "more grains than places",
+        ["count = 40", "count = 4000"],
+        "placement",
+        &["full after 126 grains", "make it larger or ask for fewer"],
+    ),
+    mistake(
+        "grains across a wall",
+        ["from = [0.01, 0.0]", "from = [0.005, 0.0]"],
+        "placement",
+        &["overlaps the wall \"right\"", "off the walls"],
+    ),
+    mistake(
+        "missing file of grains",
+        [
+            "{ lattice = { lower = [0.0, 0.0], upper = [0.01, 0.02], arrangement = \"triangular\", spacing = 1.05 } }",
+            "{ csv = { file = \"none.csv\" } }",
+        ],
+        "radius",
+        &["take it away"],
+    ),
+    mistake(
+        "vector of the wrong length",
+        ["velocity = [0.0, 0.0]", "velocity = [0.0, 0.0, 0.0]"],
+        "velocity",
+        &["has 3 numbers", "give 2 numbers"],
+    ),
+    mistake(
+        "three dimensions",
+        ["gravity = [0.0, -9.81]", "gravity = [0.0, 0.0, -9.81]"],
+        "gravity",
+        &["3 numbers", "3 dimensions are not available"],
+    ),
+    mistake(
+        "a wall that is a point",
+        ["to = [0.01, 0.0]", "to = [0.0, 0.0]"],
+        "to = [0.0, 0.0]",
+        &["two different points"],
+    ),
+    mistake(
+        "boundary that the mesh lacks",
+        ["name = \"outflow\"\n", "name = \"outlet\"\n"],
+        "name = \"outlet\"",
+        &["outlet", "there are: walls, inflow, nozzle, outflow"],
+    ),
+    mistake(
+        "boundary without conditions",
+        ["[[fluid.boundaries]]\nname = \"nozzle\"\nflow = \"no-slip\"\n", ""],
+        "[fluid]",
+        &["\"nozzle\" of the mesh has no conditions", "add `[[fluid.boundaries]]`"],
+    ),
+    mistake(
+        "boundary twice",
+        ["name = \"nozzle\"\n", "name = \"walls\"\n"],
+        "name = \"walls\"",
+        &["has conditions already", "one table"],
+    ),
+    mistake(
+        "unknown condition",
+        ["\"no-slip\"", "\"noslip\""],
+        "flow = \"noslip\"",
+        &["fluid.boundaries[2].flow", "no-slip"],
+    ),
+    mistake(
+        "two conditions in one",
+        [
+            "flow = { superficial_velocity = [0.0, 0.8] }",
+            "flow = { superficial_velocity = [0.0, 0.8], open = {} }",
+        ],
+        "flow = { superficial",
+        &["fluid.boundaries[1].flow"],
+    ),
+    mistake(
+        "heat at a boundary of a fluid without",
+        ["[fluid.heat]\nheat_capacity = 1010.0\nconductivity = 0.025\ninitial_temperature = 290.0\n", ""],
+        "heat = { open",
+        &["has no temperature", "add `[fluid.heat]`"],
+    ),
+    mistake(
+        "rectangle upside down",
+        ["upper = [0.01, 0.03]\n", "upper = [0.01, -0.03]\n"],
+        "upper = [0.01, -0.03]",
+        &["-0.03", "above"],
+    ),
+    mistake("size of zero", ["size = 2e-3", "size = 0.0"], "size = 0.0", &["size = 0", "positive"]),
+    mistake("part beyond its side", ["to = 6e-3", "to = 6.0"], "bottom", &["to = 6", "between"]),
+    mistake(
+        "unknown scheme",
+        ["scheme = \"henry\"", "scheme = \"henri\""],
+        "scheme",
+        &["henri", "henry", "explicit"],
+    ),
+    mistake(
+        "no step fits",
+        ["end = 0.04", "end = 1e-4"],
+        "end = 1e-4",
+        &["time.end = 0.0001", "at least one step of 0.001 s"],
+    ),
+    mistake("negative step", ["step = 1e-3", "step = -1e-3"], "step", &["time.step = -0.001", "above 0"]),
+    mistake(
+        "pressure between boundaries that are not there",
+        ["to = \"outflow\"", "to = \"sky\""],
+        "pressure_drop",
+        &["sky", "there are: outflow, inflow, nozzle, walls"],
+    ),
+    mistake(
+        "average that ends before it begins",
+        ["from = 0.01, to = 0.04", "from = 0.04, to = 0.01"],
+        "average",
+        &["output.average.to = 0.01", "after `from`"],
+    ),
+];
+
+fn voidage() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_voidage"))
+}
+
+/// Runs the program in a folder; checks that it ends with code 2, and returns what it says.
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = voidage().current_dir(folder).args(arguments).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?} says\n{said}");
+    assert!(!said.contains("panicked"), "{said}");
+    said
+}
+
+#[test]
+fn every_mistake_is_named_with_its_place_and_its_remedy() {
+    let mut wrong = Vec::new();
+    for Mistake { what, change: [from, to], line, says } in MISTAKES {
+        assert!(BED.contains(from), "{what}: the scene has no {from:?}");
+        let text = BED.replacen(from, to, 1);
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("scene.toml"), &text).unwrap();
+        let said = refused(folder.path(), &["run", "scene.toml", "--out", "out"]);
+        let place = text.lines().collect::<Vec<_>>();
+        let place = place.iter().rposition(|other| !line.is_empty() && other.starts_with(line));
+        let place = place.map_or("scene.toml:".to_owned(), |index| format!("scene.toml:{}:", index + 1));
+        let missing = says.iter().copied().chain([place.as_str()]).filter(|part| !said.contains(part));
+        let missing: Vec<&str> = missing.collect();
+        if !missing.is_empty() {
+            wrong.push(format!("{what}: {missing:?} is not in\n{said}"));
+        }
+        assert!(!folder.path().join("out").exists(), "{what}: results of a broken scene");
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(MISTAKES.len() >= 25);
+}
+
+#[test]
+fn files_that_are_missing_or_wrong_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let in_folder = |name: &str| folder.path().join(name);
+    let said = refused(folder.path(), &["run", "none.toml"]);
+    assert!(said.contains("none.toml") && said.contains("give the path"), "{said}");
+
+    let grains = BED
+        .replace("{ lattice = { lower = [0.0, 0.0], upper = [0.01, 0.02], arrangement = \"triangular\", spacing = 1.05 } }", "{ csv = { file = \"grains.csv\" } }")
+        .replace("radius = { uniform = [5e-4, 6e-4] }\n", "")
+        .replace("amount = { count = 40 }\n", "");
+    fs::write(in_folder("scene.toml"), &grains).unwrap();
+    let said = refused(folder.path(), &["check", "scene.toml"]);
+    assert!(said.contains("grains.csv") && said.contains("there is no file"), "{said}");
+    for (table, says) in [
+        ("x,y,r\n0.005,0.005,0.0005\n0.005,abc,0.0005\n", ["line 3", "abc"]),
+        ("x,y,r\n0.005,0.005,0\n", ["line 2", "positive"]),
+        ("x,y,raduis\n", ["raduis", "allowed"]),
+        ("x,y,r\n0.005,0.005,0.0005\n0.0053,0.005,0.0005\n", ["line 3", "overlaps that of line 2"]),
+        ("x,y,r\n0.005,0.5,0.0005\n", ["line 2", "outside of the fluid"]),
+        ("x,y,r\n0.0001,0.005,0.0005\n", ["line 2", "outside of the fluid"]),
+    ] {
+        fs::write(in_folder("grains.csv"), table).unwrap();
+        let said = refused(folder.path(), &["check", "scene.toml"]);
+        assert!(says.iter().all(|part| said.contains(part)) && said.contains("scene.toml:"), "{table}{said}");
+    }
+
+    let mesh = BED.replace(
+        "[fluid.mesh.rectangle]\nlower = [0.0, 0.0]\nupper = [0.01, 0.03]\nsize = 2e-3\n",
+        "[fluid.mesh]\nfile = \"bed.msh\"\n",
+    );
+    let sides = mesh.find("[fluid.mesh.rectangle.sides]").unwrap();
+    let end = mesh.find("[fluid.heat]").unwrap();
+    fs::write(in_folder("scene.toml"), format!("{}{}", &mesh[..sides], &mesh[end..])).unwrap();
+    let said = refused(folder.path(), &["run", "scene.toml"]);
+    assert!(said.contains("bed.msh") && said.contains("there is no file"), "{said}");
+    fs::write(in_folder("bed.msh"), "no mesh").unwrap();
+    let said = refused(folder.path(), &["run", "scene.toml"]);
+    assert!(said.contains("bed.msh") && said.contains("scene.toml:"), "{said}");
+}
+
+#[test]
+fn wrong_options_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.toml"), BED).unwrap();
+    let cases: &[(&[&str], &[&str])] = &[
+        (&["--set", "fluid.densty=1"], &["--set fluid.densty=1", "did you mean `density`?"]),
+        (&["--set", "fluid.density"], &["has no `=`", "key.of.the.scene=value"]),
+        (&["--set", "grains[3].solidity=1"], &["no entry `[3]`", "from 0 to 0"]),
+        (&["--set", "fluid.boundaries.inlet.flow=slip"], &["inlet", "names: outflow, inflow, nozzle, walls"]),
+        (
+            &["--set", "fluid.boundaries.inflow.flow.velocity=[0]"],
+            &["--set", "has 1 numbers", "give 2 numbers"],
+        ),
+        (&["--set", "time.end=nan"], &["--set time.end=nan", "finite"]),
+        (&["--scheme", "henri"], &["henri", "explicit"]),
+        (&["--fluid", "fenicsx"], &["fenicsx", "not available in this version", "--fluid rust"]),
+        (&["--threads", "0"], &["--threads 0", "1 or more"]),
+        (&["--restart", "none"], &["none", "cannot read the checkpoint"]),
+        (&["--restart", "scene.toml"], &["scene.toml", "is no checkpoint"]),
+        (&["--no-such-option"], &["--no-such-option"]),
+    ];
+    for (options, says) in cases {
+        let arguments = [&["run", "scene.toml", "--out", "out"], *options].concat();
+        let said = refused(folder.path(), &arguments);
+        let missing: Vec<_> = says.iter().filter(|part| !said.contains(**part)).collect();
+        assert!(missing.is_empty(), "{options:?}: {missing:?} is not in\n{said}");
+    }
+    let said = refused(folder.path(), &["plot", "."]);
+    assert!(said.contains("folder of a run") || said.contains("series"), "{said}");
+}

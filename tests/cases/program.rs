@@ -1,0 +1,226 @@
+//! The program on good input: what it leaves, and that it can be stopped, restarted and cut short.
+
+use assert_cmd::Command;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+const BED: &str = include_str!("bed.toml");
+
+fn voidage() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_voidage"))
+}
+
+/// A folder with the small bed in it.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.toml"), BED).unwrap();
+    folder
+}
+
+fn run(folder: &Path, out: &str, options: &[&str]) -> PathBuf {
+    let arguments = [&["run", "scene.toml", "--quiet", "--out", out], options].concat();
+    voidage().current_dir(folder).args(arguments).assert().success();
+    folder.join(out)
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn rows(path: &Path) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(path).unwrap();
+    text.lines().skip(1).map(|row| row.split(',').map(|number| number.parse().unwrap()).collect()).collect()
+}
+
+#[test]
+fn a_run_leaves_all_its_files() {
+    let folder = folder();
+    let out = run(folder.path(), "out", &["--threads", "1"]);
+    let pictures = [
+        "temperature.png",
+        "pressure.png",
+        "snapshot-0.020s.png",
+        "snapshot-0.040s.png",
+        "packing.png",
+        "velocity.png",
+    ];
+    for name in pictures {
+        let bytes = fs::read(out.join(name)).unwrap();
+        assert!(bytes.starts_with(b"\x89PNG") && bytes.len() > 5000, "{name}");
+    }
+    let summary = json(&out.join("summary.json"));
+    for key in [
+        "steps",
+        "wall_s",
+        "phases_s",
+        "grains",
+        "nodes",
+        "cells",
+        "max_penetration_over_radius",
+        "unconverged_steps",
+        "momentum_exchange_defect",
+        "energy_exchange_defect",
+        "solid_volume_defect",
+        "threads",
+        "version",
+        "scene_hash",
+    ] {
+        assert!(!summary[key].is_null(), "summary.json has no {key}");
+    }
+    for phase in ["overlap", "closure", "energy", "flow", "contacts", "output"] {
+        assert!(summary["phases_s"][phase].is_f64(), "no phase {phase}");
+    }
+    assert_eq!((summary["steps"].as_u64(), summary["grains"].as_u64()), (Some(40), Some(40)));
+    for defect in ["momentum_exchange_defect", "energy_exchange_defect", "solid_volume_defect"] {
+        assert!(summary[defect].as_f64().unwrap() < 1e-12, "{defect}: {}", summary[defect]);
+    }
+    let series = fs::read_to_string(out.join("series.csv")).unwrap();
+    for column in ["time_s", "mean_grain_temperature_K", "pressure_drop_Pa"] {
+        assert!(series.lines().next().unwrap().split(',').any(|name| name == column), "no column {column}");
+    }
+    assert_eq!(rows(&out.join("series.csv")).len(), 41);
+    for list in ["grains.pvd", "fluid.pvd"] {
+        let frames = fs::read_to_string(out.join(list)).unwrap();
+        assert_eq!(frames.matches("<DataSet").count(), 5, "{frames}");
+    }
+    // The scene as resolved runs again, and `plot` draws the same pictures.
+    voidage().current_dir(&out).args(["check", "scene.toml"]).assert().success();
+    let before = fs::read(out.join("velocity.png")).unwrap();
+    fs::remove_file(out.join("velocity.png")).unwrap();
+    voidage().args(["plot"]).arg(&out).assert().success();
+    assert_eq!(before, fs::read(out.join("velocity.png")).unwrap());
+}
+
+#[test]
+fn a_restarted_run_equals_the_straight_one_bit_for_bit() {
+    let folder = folder();
+    let straight = run(folder.path(), "straight", &["--threads", "1"]);
+    let stopped = run(folder.path(), "stopped", &["--threads", "2", "--set", "time.end=0.02"]);
+    run(folder.path(), "stopped", &["--threads", "2", "--restart", "stopped/checkpoint.voidage"]);
+    for name in ["series.csv", "averages.csv", "checkpoint.voidage", "grains.pvd", "fluid.pvd", "scene.toml"]
+    {
+        assert_eq!(fs::read(straight.join(name)).unwrap(), fs::read(stopped.join(name)).unwrap(), "{name}");
+    }
+    for name in ["grains-00000040.vtp", "fluid-00000040.vtu"] {
+        let [a, b] = [&straight, &stopped].map(|out| fs::read(out.join("frames").join(name)).unwrap());
+        assert_eq!(a, b, "{name}");
+    }
+    // Another scene refuses the checkpoint.
+    let other = [
+        "run",
+        "scene.toml",
+        "--out",
+        "other",
+        "--set",
+        "fluid.density=1.3",
+        "--restart",
+        "straight/checkpoint.voidage",
+    ];
+    let output = voidage().current_dir(folder.path()).args(other).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        said.contains("checkpoint of another scene") && said.contains("straight/checkpoint.voidage"),
+        "{said}"
+    );
+}
+
+#[test]
+fn options_change_the_scene() {
+    let folder = folder();
+    let options = [
+        "--set",
+        "time.end=0.002",
+        "--set",
+        "fluid.boundaries.inflow.flow.velocity=[0, 1.2]",
+        "--scheme",
+        "explicit",
+    ];
+    let out = run(folder.path(), "out", &options);
+    let scene = fs::read_to_string(out.join("scene.toml")).unwrap();
+    assert!(scene.contains("velocity = [0.0, 1.2]") && !scene.contains("superficial_velocity"), "{scene}");
+    assert!(scene.contains("scheme = \"explicit\""), "{scene}");
+    assert_eq!(rows(&out.join("series.csv")).len(), 3);
+}
+
+#[test]
+fn the_schema_and_the_doctor_speak() {
+    let output = voidage().arg("schema").output().unwrap();
+    let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let undocumented: Vec<_> = schema["properties"]
+        .as_object()
+        .unwrap()
+        .iter()
+        .filter(|(_, key)| key["description"].is_null())
+        .collect();
+    assert!(undocumented.is_empty(), "{undocumented:?}");
+    let folder = tempfile::tempdir().unwrap();
+    voidage().current_dir(folder.path()).arg("doctor").assert().success();
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn check_says_what_is_on_and_off() {
+    let folder = folder();
+    let output = voidage().current_dir(folder.path()).args(["check", "scene.toml"]).output().unwrap();
+    let said = String::from_utf8(output.stdout).unwrap();
+    for part in ["40 of glass", "heat exchange  henry", "thin cell      off", "nodes", "cohesion       off"] {
+        assert!(said.contains(part), "{part} is not in\n{said}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_writes_a_checkpoint_and_ends_cleanly() {
+    let folder = folder();
+    let arguments = ["run", "scene.toml", "--quiet", "--out", "out", "--set", "time.end=1000"];
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_voidage"))
+        .current_dir(folder.path())
+        .args(arguments)
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    let out = folder.path().join("out");
+    while !out.join("grains.pvd").exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "the run does not start");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let output = {
+        let status = child.wait().unwrap();
+        (status, std::io::read_to_string(child.stderr.take().unwrap()).unwrap())
+    };
+    assert_eq!(output.0.code(), Some(1), "{}", output.1);
+    assert!(output.1.contains("interrupted") && output.1.contains("--restart"), "{}", output.1);
+    assert_eq!(json(&out.join("summary.json"))["outcome"], "interrupted");
+    let time = json(&out.join("summary.json"))["time_s"].as_f64().unwrap();
+    let end = format!("time.end={}", time + 0.002);
+    run(folder.path(), "out", &["--set", &end, "--restart", "out/checkpoint.voidage"]);
+    let series = rows(&out.join("series.csv"));
+    assert!(series.windows(2).all(|pair| pair[1][0] > pair[0][0]), "times of the series do not grow");
+}
+
+/// A limit on the size of files stands for a full disk: writes fail in the middle of a file.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_ends_with_a_message_and_leaves_what_was_written() {
+    let folder = folder();
+    let command = format!(
+        "trap '' XFSZ; ulimit -f 8; exec {} run scene.toml --quiet --out out --threads 1",
+        env!("CARGO_BIN_EXE_voidage")
+    );
+    let output = Command::new("bash").current_dir(folder.path()).args(["-c", &command]).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("out/") && said.contains("cannot write"), "{said}");
+    let out = folder.path().join("out");
+    voidage().current_dir(&out).args(["check", "scene.toml"]).assert().success();
+    rows(&out.join("series.csv"));
+    for entry in fs::read_dir(out.join("frames")).unwrap() {
+        let text = fs::read(entry.unwrap().path()).unwrap();
+        assert!(text.ends_with(b"</VTKFile>\n"), "half a frame is left");
+    }
+}
