@@ -163,3 +163,42 @@ impl Dissector<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample::Grid;
+    use super::*;
+
+    /// Every node is in the order once, every edge joins a part to itself or to one above it, and
+    /// the separators of a square are no longer than its side.
+    #[test]
+    fn parts_are_separated() {
+        let grid = Grid::<2>::new(40);
+        let pattern = grid.pattern();
+        let directions: Vec<Vec<f64>> = (0..2).map(|d| grid.points.iter().map(|x| x[d]).collect()).collect();
+        let dissection = dissect(&pattern, &directions, 8);
+        let mut part_of = vec![NONE; pattern.nodes()];
+        for part in 0..dissection.parents.len() {
+            for &node in
+                &dissection.order[dissection.starts[part] as usize..dissection.starts[part + 1] as usize]
+            {
+                assert_eq!(part_of[node as usize], NONE);
+                part_of[node as usize] = part as u32;
+            }
+        }
+        assert!(part_of.iter().all(|&part| part != NONE));
+        for node in 0..pattern.nodes() {
+            for &other in pattern.row(node) {
+                let (low, high) =
+                    (part_of[node].min(part_of[other as usize]), part_of[node].max(part_of[other as usize]));
+                let mut above = low;
+                while above != high {
+                    above = dissection.parents[above as usize];
+                    assert_ne!(above, NONE, "an edge joins two parts that are not separated");
+                }
+            }
+        }
+        let root = dissection.parents.len() - 1;
+        assert!(dissection.starts[root + 1] - dissection.starts[root] <= 40);
+    }
+}

@@ -26,6 +26,20 @@ pub(crate) struct Limits {
     pub iterations: usize,
     /// Iterations after which the basis is dropped.
     pub restart: usize,
+    /// Whether to stop as soon as the rate of convergence so far promises to need more iterations.
+    pub foresee: bool,
+}
+
+/// Iterations before the rate of convergence is trusted.
+const FORESEE_AFTER: usize = 4;
+
+/// What is solved, and the norm of the residual in which it is.
+#[derive(Clone, Copy)]
+pub(crate) struct System<'a, const B: usize> {
+    pub matrix: &'a BlockMatrix<B>,
+    pub rhs: &'a [f64],
+    /// The positive weights S of the residuals.
+    pub weights: &'a [f64],
 }
 
 /// Flexible GMRES with its memory.
@@ -48,74 +62,75 @@ pub(crate) struct Gmres {
 
 impl Gmres {
     /// Improves x until the limits are met. Stops early when a whole cycle brings less than a
-    /// factor of two, or when something is no longer finite; x is then the best known one. Returns the number of iterations.
+    /// factor of two, or when something is no longer finite; x is then the best known one. Returns
+    /// the number of iterations.
     pub fn solve<const B: usize>(
         &mut self,
-        matrix: &BlockMatrix<B>,
-        weights: &[f64],
-        rhs: &[f64],
+        system: System<B>,
         x: &mut [f64],
         preconditioner: &mut dyn Preconditioner,
         limits: Limits,
     ) -> usize {
         self.residual.resize(x.len(), 0.0);
-        let mut iterations = 0;
-        let mut before = f64::INFINITY;
+        let (mut iterations, mut before) = (0, f64::INFINITY);
+        let mut too_slow = false;
         loop {
-            matrix.residual(rhs, x, &mut self.residual);
-            scale(&mut self.residual, weights);
+            system.matrix.residual(system.rhs, x, &mut self.residual);
+            scale(&mut self.residual, system.weights);
             let residual = dot(&self.residual, &self.residual).sqrt();
             let stagnant = residual > 0.5 * before || residual.is_nan();
-            if residual <= limits.tolerance || iterations >= limits.iterations || stagnant {
+            if residual <= limits.tolerance || iterations >= limits.iterations || stagnant || too_slow {
                 return iterations;
             }
             before = residual;
             let steps = limits.restart.min(limits.iterations - iterations);
-            iterations += self.cycle(matrix, weights, x, preconditioner, residual, limits.tolerance, steps);
+            let made =
+                self.cycle(system, x, preconditioner, residual, Limits { iterations: steps, ..limits });
+            iterations += made;
+            too_slow = limits.foresee && made < steps && self.reduced[made].abs() > limits.tolerance;
         }
     }
 
-    /// One cycle of at most `steps` iterations from the weighted residual in `self.residual`.
-    #[allow(clippy::too_many_arguments)]
+    /// One cycle from the weighted residual in `self.residual`, of length `norm`. Returns the number of
+    /// iterations; the last entry of `self.reduced` is the residual they are believed to leave.
     fn cycle<const B: usize>(
         &mut self,
-        matrix: &BlockMatrix<B>,
-        weights: &[f64],
+        system: System<B>,
         x: &mut [f64],
         preconditioner: &mut dyn Preconditioner,
         norm: f64,
-        tolerance: f64,
-        steps: usize,
+        limits: Limits,
     ) -> usize {
-        self.reserve(x.len(), steps);
+        self.reserve(x.len(), limits.iterations);
         for (v, r) in self.basis[0].iter_mut().zip(&self.residual) {
             *v = r / norm;
         }
         self.rotations.clear();
         self.reduced.clear();
         self.reduced.push(norm);
-        for step in 0..steps {
-            for ((r, v), w) in self.residual.iter_mut().zip(&self.basis[step]).zip(weights) {
+        for step in 0..limits.iterations {
+            for ((r, v), w) in self.residual.iter_mut().zip(&self.basis[step]).zip(system.weights) {
                 *r = v / w;
             }
             preconditioner.apply(&self.residual, &mut self.directions[step]);
             let (old, new) = self.basis.split_at_mut(step + 1);
-            matrix.multiply(&self.directions[step], &mut new[0]);
-            scale(&mut new[0], weights);
-            let column = &mut self.triangle[step];
-            let below = orthonormalise(old, &mut new[0], column);
+            system.matrix.multiply(&self.directions[step], &mut new[0]);
+            scale(&mut new[0], system.weights);
+            let below = orthonormalise(old, &mut new[0], &mut self.triangle[step]);
             if !below.is_finite() {
+                self.reduced.push(self.reduced[step]);
                 self.update(x, step);
                 return step + 1;
             }
             self.rotate(step, below);
-            if self.reduced[step + 1].abs() <= tolerance || below == 0.0 {
+            let left = self.reduced[step + 1].abs();
+            if left <= limits.tolerance || below == 0.0 || is_too_slow(step + 1, norm, left, limits) {
                 self.update(x, step + 1);
                 return step + 1;
             }
         }
-        self.update(x, steps);
-        steps
+        self.update(x, limits.iterations);
+        limits.iterations
     }
 
     fn reserve(&mut self, unknowns: usize, steps: usize) {
@@ -167,6 +182,14 @@ impl Gmres {
             }
         }
     }
+}
+
+/// Whether a residual that fell from `norm` to `left` in some iterations will, at this rate, not
+/// reach the tolerance in the allowed ones.
+fn is_too_slow(iterations: usize, norm: f64, left: f64, limits: Limits) -> bool {
+    let gained = (norm / left).ln() / iterations as f64;
+    let wanted = (norm / limits.tolerance).ln() / limits.iterations as f64;
+    limits.foresee && iterations >= FORESEE_AFTER && gained < wanted
 }
 
 /// Removes from `new` its parts along the orthonormal `old` ones, writes these parts to `column`,

@@ -135,13 +135,17 @@ impl<const B: usize> Preconditioner for Ilu<B> {
     }
 }
 
-/// sum -= block x.
+/// sum -= block x. The product is formed by itself: the next block need not wait for it.
 #[inline(always)]
 fn subtract_times<const B: usize>(sum: &mut [f32; B], block: &Block<B>, x: &[f32; B]) {
+    let mut product = [0.0; B];
     for (column, x) in block.iter().zip(x) {
-        for (sum, a) in sum.iter_mut().zip(column) {
-            *sum -= a * x;
+        for (product, a) in product.iter_mut().zip(column) {
+            *product += a * x;
         }
+    }
+    for (sum, product) in sum.iter_mut().zip(product) {
+        *sum -= product;
     }
 }
 

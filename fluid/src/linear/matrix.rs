@@ -192,9 +192,8 @@ impl<const B: usize> BlockMatrix<B> {
         for (block, &column) in self.values[range.clone()].iter().zip(&self.pattern.columns[range]) {
             let x = &x[column as usize];
             for (sum, row) in sum.iter_mut().zip(block) {
-                for (a, x) in row.iter().zip(x) {
-                    *sum += a * x;
-                }
+                // By itself first: the next block need not wait for these additions.
+                *sum += row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
             }
         }
         sum

@@ -66,7 +66,9 @@ pub struct Options {
     pub max_iterations: usize,
     /// Iterations after which GMRES drops its basis.
     pub restart: usize,
-    /// Iterations with kept factors after which new ones are made.
+    /// Iterations with kept factors after which new ones are made: for the next system, or at once
+    /// when the rate of convergence promises more than half as many again. About the time of a
+    /// factorisation in that of an iteration.
     pub refactor_after: usize,
 }
 

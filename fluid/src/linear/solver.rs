@@ -1,7 +1,7 @@
 //! The solver: which factors are used when, and what happens when they do not suffice.
 
 use super::dissection::dissect;
-use super::gmres::{Gmres, Limits, Preconditioner};
+use super::gmres::{Gmres, Limits, Preconditioner, System};
 use super::ilu::Ilu;
 use super::lu::SparseLu;
 use super::matrix::{BlockMatrix, Pattern};
@@ -150,9 +150,15 @@ impl<const B: usize> Solver<B> {
             Attempt::Ilu => (Method::Ilu, options.max_iterations),
             Attempt::Lu => (Method::Lu, REFINEMENTS),
         };
-        let limits = Limits { tolerance: options.tolerance, iterations, restart: options.restart };
+        let limits = Limits {
+            tolerance: options.tolerance,
+            iterations,
+            restart: options.restart.max(1),
+            foresee: attempt == Attempt::Kept,
+        };
         let factors = self.factors.get(attempt, matrix, &self.scaling, &self.directions)?;
-        let iterations = self.gmres.solve(matrix, &self.norm.weights, rhs, x, factors, limits);
+        let system = System { matrix, rhs, weights: &self.norm.weights };
+        let iterations = self.gmres.solve(system, x, factors, limits);
         report.method = method;
         report.factored |= attempt != Attempt::Kept;
         report.iterations += iterations;

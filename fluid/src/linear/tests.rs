@@ -200,27 +200,66 @@ fn zero_right_hand_side_gives_zero() {
     assert!(x.iter().all(|&x| x == 0.0));
 }
 
+/// Bits of the solution after three steps with a number of threads.
+fn bits<const D: usize, const B: usize>(grid: &Grid<D>, method: Method, threads: usize) -> Vec<u64> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| {
+        let pattern = grid.pattern();
+        let mut solver = Solver::<B>::new(pattern.clone(), &points(grid), options(method, 1e-8));
+        let mut x = vec![0.0; B * pattern.nodes()];
+        for step in 0..3 {
+            let (matrix, rhs) = oseen::<D, B>(grid, &pattern, 0.002 * step as f64);
+            solver.solve(&matrix, &rhs, &mut x).unwrap();
+        }
+        x.iter().map(|x| x.to_bits()).collect()
+    })
+}
+
 #[test]
 fn result_does_not_depend_on_the_number_of_threads() {
-    let grid = Grid::<2>::new(70);
-    let pattern = grid.pattern();
+    let plane = Grid::<2>::new(70);
     for method in METHODS {
-        let run = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| {
-                let mut solver = Solver::new(pattern.clone(), &points(&grid), options(method, 1e-8));
-                let mut x = vec![0.0; 3 * pattern.nodes()];
-                for step in 0..3 {
-                    let (matrix, rhs) = oseen::<2, 3>(&grid, &pattern, 0.002 * step as f64);
-                    solver.solve(&matrix, &rhs, &mut x).unwrap();
-                }
-                x.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
-            })
-        };
-        let one = run(1);
-        assert_eq!(one, run(1), "{method:?}: two runs");
-        assert_eq!(one, run(2), "{method:?}");
-        assert_eq!(one, run(4), "{method:?}");
+        let one = bits::<2, 3>(&plane, method, 1);
+        for threads in [1, 2, 4] {
+            assert!(one == bits::<2, 3>(&plane, method, threads), "{method:?}, {threads} threads");
+        }
+    }
+    // Large enough for products that are cut into tiles.
+    let space = Grid::<3>::new(14);
+    for method in [Method::Multifrontal, Method::MultifrontalFresh] {
+        let one = bits::<3, 4>(&space, method, 1);
+        for threads in [1, 2, 4] {
+            assert!(one == bits::<3, 4>(&space, method, threads), "{method:?}, {threads} threads, 3D");
+        }
+    }
+}
+
+/// A mesh whose nodes are crowded in one corner and numbered at random costs about as much.
+#[test]
+fn graded_mesh_with_random_numbers() {
+    let mut grid = Grid::<2>::new(24);
+    let nodes = grid.points.len();
+    let mut noise = noise(5);
+    let keys: Vec<f64> = (0..nodes).map(|_| noise()).collect();
+    let mut old: Vec<usize> = (0..nodes).collect();
+    old.sort_by(|&a, &b| keys[a].total_cmp(&keys[b]));
+    let mut new = vec![0; nodes];
+    for (number, &node) in old.iter().enumerate() {
+        new[node] = number as u32;
+    }
+    grid.points = old.iter().map(|&node| grid.points[node].map(|x| x.powf(1.7))).collect();
+    grid.cells.iter_mut().for_each(|node| *node = new[*node as usize]);
+    let pattern = grid.pattern();
+    let (matrix, rhs) = oseen::<2, 3>(&grid, &pattern, 0.0);
+    let exact = dense_solution(&matrix, &rhs);
+    for method in METHODS {
+        let mut solver = Solver::new(pattern.clone(), &points(&grid), options(method, 1e-10));
+        let mut x = vec![0.0; rhs.len()];
+        assert_eq!(solver.solve(&matrix, &rhs, &mut x).unwrap().method, method);
+        for component in 0..3 {
+            let difference = difference::<3>(&x, &exact, component);
+            assert!(difference < 1e-7, "{method:?} {component}: {difference:.1e}");
+        }
     }
 }
 
