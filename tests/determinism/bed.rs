@@ -1,0 +1,34 @@
+//! The same bits for any number of threads.
+
+use std::path::Path;
+use voidage_coupling::{Scene, Simulation};
+
+/// Everything that the quick bed holds after some steps, as bits.
+fn bits(threads: usize) -> Vec<u64> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    pool.install(|| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/bubbling-bed/scene-quick.toml");
+        let placement = "grains[0].placement={lattice={lower=[0.0,0.0],upper=[0.04,0.12],spacing=1.01}}";
+        let scene = Scene::read(&path, &[placement.to_string()]).unwrap_or_else(|error| panic!("{error}"));
+        let mut simulation = Simulation::new(&scene).expect("a valid scene");
+        for _ in 0..25 {
+            simulation.step().expect("a step");
+        }
+        simulation.refresh().expect("fields");
+        let view = simulation.view();
+        let (grains, fluid) = (view.grains.expect("grains"), view.fluid.expect("fluid"));
+        let vectors = grains.position.iter().chain(grains.velocity).chain(fluid.velocity);
+        let scalars = grains.temperature.expect("heat").iter().chain(fluid.pressure);
+        let all = vectors.flat_map(|v| [v.x, v.y]).chain(scalars.copied());
+        all.map(f64::to_bits).collect()
+    })
+}
+
+#[test]
+fn a_bed_is_the_same_for_one_two_and_four_threads() {
+    let one = bits(1);
+    assert!(one.len() > 10_000);
+    for threads in [2, 4] {
+        assert!(one == bits(threads), "{threads} threads give other bits");
+    }
+}
