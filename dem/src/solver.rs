@@ -25,11 +25,9 @@ pub(crate) struct Problem<const D: usize> {
     pub friction: bool,
     /// Impulses before the last sweep, and velocities; empty without momentum.
     last: Vec<Vector<D>>,
-    last_motion: Vec<Motion<D>>,
+    last_velocity: Vec<Vector<D>>,
+    last_surface: Vec<f64>,
 }
-
-/// Velocity and surface speed of a body before the last sweep.
-type Motion<const D: usize> = (Vector<D>, f64);
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -172,25 +170,32 @@ impl<const D: usize> Problem<D> {
 
     fn start_momentum(&mut self, on: bool) {
         self.last.clear();
-        self.last_motion.clear();
+        self.last_velocity.clear();
+        self.last_surface.clear();
         if on {
-            crate::reserve(&mut self.last, self.contacts.len());
-            crate::reserve(&mut self.last_motion, self.bodies.len());
-            self.last.extend(self.contacts.iter().map(|c| c.impulse));
             let bodies = &self.bodies;
-            self.last_motion.extend((0..bodies.len()).map(|i| bodies.motion(i)));
+            crate::reserve(&mut self.last, self.contacts.len());
+            self.last.extend(self.contacts.iter().map(|c| c.impulse));
+            crate::reserve(&mut self.last_velocity, bodies.len());
+            self.last_velocity.extend((0..bodies.len()).map(|i| bodies.velocity(i)));
+            if bodies.spins() {
+                crate::reserve(&mut self.last_surface, bodies.len());
+                self.last_surface.extend((0..bodies.len()).map(|i| bodies.surface(i)));
+            }
         }
     }
 
     /// v + beta (v - last v), to match the impulses p + beta (p - last p) that the next sweep starts from.
     fn extrapolate(&mut self, beta: f64) {
-        for (i, last) in self.last_motion.iter_mut().enumerate() {
-            let now = self.bodies.motion(i);
-            self.bodies.set_velocity(i, &(now.0 + (now.0 - last.0) * beta));
-            if self.bodies.spins() {
-                self.bodies.set_surface(i, now.1 + (now.1 - last.1) * beta);
-            }
-            *last = now;
+        for (i, last) in self.last_velocity.iter_mut().enumerate() {
+            let v = self.bodies.velocity(i);
+            self.bodies.set_velocity(i, &(v + (v - *last) * beta));
+            *last = v;
+        }
+        for (i, last) in self.last_surface.iter_mut().enumerate() {
+            let s = self.bodies.surface(i);
+            self.bodies.set_surface(i, s + (s - *last) * beta);
+            *last = s;
         }
     }
 
