@@ -87,11 +87,6 @@ impl<const D: usize> Bodies<D> {
         }
     }
 
-    /// Velocity, and surface speed (zero without rotation).
-    pub fn motion(&self, i: usize) -> (Vector<D>, f64) {
-        (self.velocity(i), if self.spins() { self.surface(i) } else { 0.0 })
-    }
-
     pub fn mobility(&self, i: usize) -> f64 {
         self.body[i].mobility
     }

@@ -56,8 +56,8 @@ impl<const D: usize> Default for Grid<D> {
             tiles: vec![],
             colours: vec![],
             cell_of: vec![],
-            later: stencil(true),
-            around: stencil(false),
+            later: vec![],
+            around: vec![],
         }
     }
 }
@@ -66,6 +66,9 @@ impl<const D: usize> Grid<D> {
     /// Sorts grains into cells; pairs closer than the sum of their radii + `reach` will be met.
     pub fn build(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64) {
         let n = position.len();
+        if self.later.is_empty() {
+            (self.later, self.around) = (stencil(true), stencil(false));
+        }
         let (small, large) = radius.iter().fold((f64::MAX, 0f64), |(lo, hi), &r| (lo.min(r), hi.max(r)));
         self.choose_cells(position, 2.0 * small + reach, 2.0 * large + reach);
         self.first.clear();

@@ -93,7 +93,9 @@ impl<const D: usize> Search<D> {
         let walls = scene.placed.iter().flat_map(|w| w.velocity);
         let fastest = diagonal(starts.chain(walls).chain(after.iter().copied()));
         let large = p.radius.iter().fold(0.0, |a: f64, &r| a.max(r));
-        self.grid.build(&p.position, &p.radius, fastest * scene.h + SKIN * 2.0 * large);
+        // Slow grains get cells of one size, so that nothing is allocated in a bed that only trembles.
+        let reach = (fastest * scene.h).max(0.1 * large);
+        self.grid.build(&p.position, &p.radius, reach + SKIN * 2.0 * large);
         self.fill_bodies(scene, &mut problem.bodies);
         self.gather_velocities(scene, after, &problem.bodies);
         self.place_walls(scene, large);

@@ -6,6 +6,7 @@
 use crate::bodies::Bodies;
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
 use crate::space::Vector;
+use rayon::prelude::*;
 
 /// Ranges of contacts: tile k holds starts[k] .. starts[k + 1]; colour c the tiles colours[c] .. colours[c + 1].
 #[derive(Default)]
@@ -25,11 +26,9 @@ pub(crate) struct Problem<const D: usize> {
     pub friction: bool,
     /// Impulses before the last sweep, and velocities; empty without momentum.
     last: Vec<Vector<D>>,
-    last_motion: Vec<Motion<D>>,
+    last_velocity: Vec<Vector<D>>,
+    last_surface: Vec<f64>,
 }
-
-/// Velocity and surface speed of a body before the last sweep.
-type Motion<const D: usize> = (Vector<D>, f64);
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -50,8 +49,8 @@ pub(crate) struct Outcome {
     pub residual: f64,
 }
 
-/// Contacts above which tiles go to several threads; a fork costs some microseconds.
-const FORK: usize = 2000;
+/// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten nanoseconds.
+const FORK: usize = 10_000;
 /// Sweeps between looks at the true residual at least.
 const LOOK: usize = 4;
 
@@ -172,25 +171,40 @@ impl<const D: usize> Problem<D> {
 
     fn start_momentum(&mut self, on: bool) {
         self.last.clear();
-        self.last_motion.clear();
+        self.last_velocity.clear();
+        self.last_surface.clear();
         if on {
-            crate::reserve(&mut self.last, self.contacts.len());
-            crate::reserve(&mut self.last_motion, self.bodies.len());
-            self.last.extend(self.contacts.iter().map(|c| c.impulse));
             let bodies = &self.bodies;
-            self.last_motion.extend((0..bodies.len()).map(|i| bodies.motion(i)));
+            crate::reserve(&mut self.last, self.contacts.len());
+            self.last.extend(self.contacts.iter().map(|c| c.impulse));
+            crate::reserve(&mut self.last_velocity, bodies.len());
+            self.last_velocity.extend((0..bodies.len()).map(|i| bodies.velocity(i)));
+            if bodies.spins() {
+                crate::reserve(&mut self.last_surface, bodies.len());
+                self.last_surface.extend((0..bodies.len()).map(|i| bodies.surface(i)));
+            }
         }
     }
 
     /// v + beta (v - last v), to match the impulses p + beta (p - last p) that the next sweep starts from.
     fn extrapolate(&mut self, beta: f64) {
-        for (i, last) in self.last_motion.iter_mut().enumerate() {
-            let now = self.bodies.motion(i);
-            self.bodies.set_velocity(i, &(now.0 + (now.0 - last.0) * beta));
-            if self.bodies.spins() {
-                self.bodies.set_surface(i, now.1 + (now.1 - last.1) * beta);
+        let bodies = &self.bodies;
+        let extrapolate = |(k, chunk): (usize, &mut [Vector<D>])| {
+            for (i, last) in (k * FORK..).zip(chunk) {
+                let v = bodies.velocity(i);
+                bodies.set_velocity(i, &(v + (v - *last) * beta));
+                *last = v;
             }
-            *last = now;
+        };
+        if bodies.len() > 2 * FORK {
+            self.last_velocity.par_chunks_mut(FORK).enumerate().for_each(extrapolate);
+        } else {
+            self.last_velocity.chunks_mut(FORK).enumerate().for_each(extrapolate);
+        }
+        for (i, last) in self.last_surface.iter_mut().enumerate() {
+            let s = self.bodies.surface(i);
+            self.bodies.set_surface(i, s + (s - *last) * beta);
+            *last = s;
         }
     }
 

@@ -49,9 +49,9 @@ fn threads_do_not_change_a_bit() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut dem = bed(4000);
-            let reports: Vec<_> = (0..15).map(|_| dem.step(2e-3, &Load::default())).collect();
-            assert!(reports.iter().all(|r| r.candidates > 4000));
+            let mut dem = bed(24_000);
+            let reports: Vec<_> = (0..5).map(|_| dem.step(2e-3, &Load::default())).collect();
+            assert!(reports.iter().all(|r| r.candidates > 40_000));
             (reports, dem.state())
         })
     };
