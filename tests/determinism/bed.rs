@@ -27,7 +27,7 @@ fn bits(threads: usize) -> Vec<u64> {
 #[test]
 fn a_bed_is_the_same_for_one_two_and_four_threads() {
     let one = bits(1);
-    assert!(one.len() > 10_000);
+    assert!(one.len() > 5_000, "{} numbers", one.len());
     for threads in [2, 4] {
         assert!(one == bits(threads), "{threads} threads give other bits");
     }
