@@ -50,7 +50,7 @@ impl Progress {
     pub fn new(first: u64, last: u64, quiet: bool) -> Self {
         let bar = has_bar(quiet).then(|| {
             let span = info_span!("run");
-            let style = "{bar:30.cyan/blue} {pos}/{len} steps  {per_sec}  {eta} left  {msg}";
+            let style = "{bar:30.cyan/blue} {pos}/{len} steps  {eta} left  {msg}";
             span.pb_set_style(
                 &ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()),
             );
@@ -75,16 +75,18 @@ impl Progress {
         }
         self.shown = Some(Instant::now());
         let News { time, grains, contacts, residual } = news();
-        let message = format!("t {time:.4} s  {grains} grains  {contacts} contacts  residual {residual:.1e}");
+        let rate = (step - self.first) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
+        let message = format!(
+            "{rate:.1} steps/s  t {time:.4} s  {grains} grains  {contacts} contacts  residual {residual:.1e}"
+        );
         match &self.bar {
             Some(bar) => {
                 bar.pb_set_position(step);
                 bar.pb_set_message(&message);
             }
             None => {
-                let rate = (step - self.first) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
                 let left = (self.last - step) as f64 / rate;
-                info!("step {step}/{}  {rate:.1} steps/s  {} left  {message}", self.last, duration(left));
+                info!("step {step}/{}  {} left  {message}", self.last, duration(left));
             }
         }
     }
