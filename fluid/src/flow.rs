@@ -142,11 +142,11 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         let heat = heat.map(|properties| Heat {
             properties,
             system: System::new(pattern.clone()),
-            solver: Solver::new(pattern.clone(), &mesh.points, numerics.heat.clone()),
+            solver: Solver::new(pattern.clone(), &mesh.points, numerics.heat),
         });
         Ok(Self {
             system: System::new(pattern.clone()),
-            solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow.clone()),
+            solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow),
             gradient: elements.iter().flat_map(|e| e.gradient).collect(),
             solid_flux: Vec::new(),
             unknown: vec![0.0; nodes * B],
