@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::memory::{Memory, WALL};
-use crate::search::{Scene, Search};
+use crate::scene::Scene;
+use crate::search::Search;
 use crate::solver::{Problem, Stopping};
 use crate::walls::Placed;
 use crate::{Acceleration, Load, Material, Particles, Settings, StepReport, Vector, Wall};
