@@ -91,6 +91,13 @@ impl<const D: usize> Bodies<D> {
         self.body[i].mobility
     }
 
+    /// Mass of the heavier of two bodies, kg; walls do not count.
+    #[inline(always)]
+    pub fn heavier(&self, i: usize, j: usize) -> f64 {
+        let (a, b) = (self.body[i].mobility, self.body[j].mobility);
+        1.0 / if b > 0.0 { a.min(b) } else { a }
+    }
+
     #[inline(always)]
     pub fn surface(&self, i: usize) -> f64 {
         self.spin[i].surface.get()

@@ -86,14 +86,13 @@ impl<const D: usize> Contact<D> {
         n * qn + cut(n, trial, self.friction * (qn - floor))
     }
 
-    /// The natural map r - P_K(r - rho (u + mu ||u_t|| n)) of FCLIB in impulses, rho = 1 / w: zero exactly at a
-    /// solution. Returns its square and that of the impulse, both weighted by w (twice an energy, J), so that
-    /// grains of very different mass count alike.
+    /// The natural map r - P_K(r - rho (u + mu ||u_t|| n)) of FCLIB, an impulse: zero exactly at a solution, for any
+    /// rho > 0. Returns its square and that of the impulse.
     ///
     /// The projection on Coulomb's cone K couples normal and tangent; the term mu ||u_t|| (De Saxce) makes the
     /// law associated: its zeros are those of Signorini's and Coulomb's conditions.
     #[inline(always)]
-    pub fn natural_map<L: Law>(&self, u: &Vector<D>, cohesion: f64) -> [f64; 2] {
+    pub fn natural_map<L: Law>(&self, u: &Vector<D>, rho: f64, cohesion: f64) -> [f64; 2] {
         let n = &self.normal;
         let c = if L::COHESION { cohesion } else { 0.0 };
         let r = self.impulse + n * c;
@@ -101,10 +100,10 @@ impl<const D: usize> Contact<D> {
         let ut = u - n * u.dot(n);
         let mu = if L::FRICTION { self.friction } else { 0.0 };
         let rn = r.dot(n);
-        let a = rn - self.mass_n * (un + mu * ut.norm());
-        let b = (r - n * rn) - ut * if L::FRICTION { self.mass_n } else { 0.0 };
+        let a = rn - rho * (un + mu * ut.norm());
+        let b = (r - n * rn) - ut * if L::FRICTION { rho } else { 0.0 };
         let projected = project_cone(n, a, b, mu);
-        [(r - projected).norm_squared() / self.mass_n, self.impulse.norm_squared() / self.mass_n]
+        [(r - projected).norm_squared(), self.impulse.norm_squared()]
     }
 }
 
@@ -145,7 +144,7 @@ mod tests {
             k.impulse = k.solve::<Coulomb<true, true>>(&Vector::zeros(), &free, c);
             let pn = k.impulse.dot(&k.normal);
             let u = free + k.normal * (pn / k.mass_n) + (k.impulse - k.normal * pn) / k.mass_t;
-            let [error, _] = k.natural_map::<Coulomb<true, true>>(&u, c);
+            let [error, _] = k.natural_map::<Coulomb<true, true>>(&u, k.mass_n, c);
             prop_assert!(error < 1e-28, "{error}");
         }
 
@@ -155,8 +154,8 @@ mod tests {
             let k = contact(0.0, mu);
             let u = k.normal * speed + turned(&k.normal) * slip;
             let u = if u.dot(&k.normal) < 0.0 { k.normal * speed } else { u };
-            prop_assert_eq!(k.natural_map::<Coulomb<true, false>>(&u, 0.0)[0], 0.0);
-            prop_assert_eq!(k.natural_map::<Frictionless>(&u, 0.0)[0], 0.0);
+            prop_assert_eq!(k.natural_map::<Coulomb<true, false>>(&u, k.mass_n, 0.0)[0], 0.0);
+            prop_assert_eq!(k.natural_map::<Frictionless>(&u, k.mass_n, 0.0)[0], 0.0);
         }
     }
 }

@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::memory::{Memory, WALL};
-use crate::search::{Scene, Search};
+use crate::scene::Scene;
+use crate::search::Search;
 use crate::solver::{Problem, Stopping};
 use crate::walls::Placed;
 use crate::{Acceleration, Load, Material, Particles, Settings, StepReport, Vector, Wall};
@@ -241,12 +242,14 @@ impl<const D: usize> Dem<D> {
         (self.search, self.problem) = (search, problem);
     }
 
-    /// Scale below which impulses mean nothing, as twice an energy (J): what carries every grain by 1e-9 of its radius
-    /// in the sub-step, or changes its velocity by 1e-12 of itself.
+    /// Square of the impulse below which impulses mean nothing, (kg m/s)^2: what carries the lightest grain by 1e-9 of
+    /// its radius in the sub-step, or what rounding leaves of all momenta.
     fn negligible(&self, h: f64) -> f64 {
         let p = &self.particles;
-        let square = |i: usize| (1e-9 * p.radius[i] / h).powi(2) + 1e-24 * p.velocity[i].norm_squared();
-        (0..p.len()).filter(|&i| !p.held(i)).map(|i| p.mass[i] * square(i)).sum()
+        let nudge =
+            p.mass.iter().zip(&p.radius).fold(f64::MAX, |least: f64, (m, r)| least.min(1e-9 * m * r / h));
+        let rounding = |i: usize| (1e-15 * p.mass[i]).powi(2) * p.velocity[i].norm_squared();
+        nudge * nudge + (0..p.len()).filter(|&i| !p.held(i)).map(rounding).sum::<f64>()
     }
 
     /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.

@@ -12,7 +12,7 @@
 //! the solver. (The result differs from T' by h/C times the residual, so that is what must be small.)
 
 use crate::memory::WALL;
-use crate::search::Scene;
+use crate::scene::Scene;
 use crate::{Error, Material, Result, Vector};
 use serde::{Deserialize, Serialize};
 
@@ -292,5 +292,64 @@ mod tests {
             h,
             max_relative = 1e-12
         );
+    }
+
+    /// Flux through R rows of a lattice of unit spacing and unit conductance H along the rows under a unit gradient.
+    ///
+    /// Square: H per row, so k = H per unit height. Triangular: H per row and, between two rows, one of the two diagonals
+    /// over half a spacing, H / 2; with rows sqrt(3)/2 apart k = (1 + 1/2) H / (sqrt(3)/2) = sqrt(3) H.
+    fn lattice_flux(rows: usize, triangular: bool) -> f64 {
+        let columns = 12;
+        let at = |row: usize, column: usize| row * columns + column;
+        let x =
+            |k: usize| (k % columns) as f64 + if triangular && (k / columns) % 2 == 1 { 0.5 } else { 0.0 };
+        let n = rows * columns;
+        let mut conductor = Conductor::default();
+        let mut join = |i: usize, j: usize| {
+            conductor.links.push(Link { i: i as u32, j: j as u32, conductance: 1.0 });
+        };
+        for row in 0..rows {
+            for column in 0..columns {
+                if column + 1 < columns {
+                    join(at(row, column), at(row, column + 1));
+                }
+                if row + 1 < rows && triangular {
+                    let side = if row % 2 == 1 { column + 1 } else { column.wrapping_sub(1) };
+                    join(at(row, column), at(row + 1, column));
+                    if side < columns {
+                        join(at(row, column), at(row + 1, side));
+                    }
+                }
+            }
+        }
+        // Two columns at either end are held by their capacity, the rest is steady at once.
+        let held = |k: usize| k % columns < 2 || k % columns >= columns - 2;
+        let temperature: Vec<f64> = (0..n).map(|k| if held(k) { x(k) } else { 5.0 }).collect();
+        let capacity: Vec<f64> = (0..n).map(|k| if held(k) { 1e15 } else { 1e-9 }).collect();
+        let grains = crate::Particles::<2>::default();
+        let (settings, load) = (crate::Settings::default(), crate::Load::default());
+        let scene = Scene {
+            particles: &grains,
+            materials: &[],
+            walls: &[],
+            placed: &[],
+            settings: &settings,
+            load: &load,
+            h: 1.0,
+        };
+        assert!(conductor.solve(&scene, &temperature, &capacity).converged);
+        // What the left end loses.
+        -(0..n).filter(|k| k % columns < 2).map(|k| conductor.into_grain[k]).sum::<f64>()
+    }
+
+    #[test]
+    fn lattices_conduct_as_theory_says() {
+        let rows = 40;
+        let height = 0.75f64.sqrt();
+        assert_relative_eq!(lattice_flux(rows, false).abs(), rows as f64, max_relative = 1e-8);
+        // The outer two rows lack one side: (R - 1) gaps for R rows. The difference of two heights is exact.
+        let k =
+            (lattice_flux(rows, true) - lattice_flux(rows / 2, true)).abs() / (rows as f64 / 2.0 * height);
+        assert_relative_eq!(k, 3f64.sqrt(), max_relative = 1e-8);
     }
 }

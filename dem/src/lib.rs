@@ -20,6 +20,7 @@ mod memory;
 mod neighbours;
 pub mod packing;
 mod particles;
+mod scene;
 mod search;
 mod settings;
 mod solver;

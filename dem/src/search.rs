@@ -1,52 +1,16 @@
 //! From positions to the contact problem of a sub-step: who may meet, in which order, and how.
 
+use crate::bodies::Bodies;
 use crate::contact::Contact;
 use crate::memory::{Memory, Record, WALL};
 use crate::neighbours::Grid;
+use crate::scene::{Scene, Touch};
 use crate::solver::Problem;
 use crate::space::Vector;
 use crate::spread::{SKIN, Spread, diagonal};
-use crate::walls::{Placed, Wall};
-use crate::{Load, Material, Particles, Settings};
 
 /// Overlap, as a share of the radius, from which a contact that the search left out repeats the sub-step.
 const MISSED: f64 = 1e-4;
-
-/// What a sub-step starts from.
-pub(crate) struct Scene<'a, const D: usize> {
-    pub particles: &'a Particles<D>,
-    pub materials: &'a [Material],
-    pub walls: &'a [Wall<D>],
-    pub placed: &'a [Placed<D>],
-    pub settings: &'a Settings<D>,
-    pub load: &'a Load<'a, D>,
-    pub h: f64,
-}
-
-impl<const D: usize> Scene<'_, D> {
-    /// 1 / (m + gamma h).
-    pub fn mobility(&self, i: usize) -> f64 {
-        1.0 / (self.particles.mass[i] + self.load.drag.get(i).copied().unwrap_or(0.0) * self.h)
-    }
-
-    /// Velocity after forces, gravity and implicit drag, before contacts: (m v + h (F + m g)) / (m + gamma h).
-    /// A held grain (infinite mass) keeps its velocity.
-    pub fn free_velocity(&self, i: usize) -> Vector<D> {
-        let p = &self.particles;
-        if p.held(i) {
-            return p.velocity[i];
-        }
-        let momentum = (p.velocity[i] + self.settings.gravity * self.h) * p.mass[i];
-        let force = self.load.force.get(i).copied().unwrap_or_else(Vector::zeros);
-        (momentum + force * self.h) * self.mobility(i)
-    }
-}
-
-/// A contact with a wall: which one.
-#[derive(Clone, Copy)]
-pub(crate) struct Touch {
-    pub wall: u32,
-}
 
 /// Buffers of the search, kept from step to step.
 #[derive(Default)]
@@ -104,7 +68,7 @@ impl<const D: usize> Search<D> {
     }
 
     /// One body per grain, in slot order, with its free velocity.
-    fn fill_bodies(&self, scene: &Scene<D>, bodies: &mut crate::bodies::Bodies<D>) {
+    fn fill_bodies(&self, scene: &Scene<D>, bodies: &mut Bodies<D>) {
         let p = scene.particles;
         bodies.clear();
         bodies.reserve(p.len(), p.rotation.is_some());
@@ -119,12 +83,7 @@ impl<const D: usize> Search<D> {
         }
     }
 
-    fn gather_velocities(
-        &mut self,
-        scene: &Scene<D>,
-        after: &[Vector<D>],
-        bodies: &crate::bodies::Bodies<D>,
-    ) {
+    fn gather_velocities(&mut self, scene: &Scene<D>, after: &[Vector<D>], bodies: &Bodies<D>) {
         let p = scene.particles;
         self.spread.clear(self.grid.coarse_count());
         for (slot, &i) in self.grid.order.iter().enumerate() {
@@ -382,92 +341,4 @@ fn near_walls<const D: usize>(scene: &Scene<D>, i: usize, walls: &[u32], range: 
         k += 1;
         keep.get(k - 1).copied().unwrap_or(true)
     });
-}
-
-impl<const D: usize> Scene<'_, D> {
-    fn has_friction(&self) -> bool {
-        self.materials.iter().any(|m| m.friction > 0.0) || self.walls.iter().any(|w| w.friction > 0.0)
-    }
-
-    fn sticky(&self, i: u32) -> bool {
-        self.load.cohesive.get(i as usize).copied().unwrap_or(true)
-    }
-
-    fn between_grains(
-        &self,
-        slots: [u32; 2],
-        [i, j]: [u32; 2],
-        bodies: &crate::bodies::Bodies<D>,
-    ) -> (Contact<D>, f64) {
-        let (p, i, j) = (self.particles, i as usize, j as usize);
-        let arm = p.position[j] - p.position[i];
-        let distance = arm.norm();
-        let normal = if distance > 0.0 { arm / distance } else { crate::space::first_axis() };
-        let gap = distance - p.radius[i] - p.radius[j];
-        let (a, b) = (&self.materials[p.material[i] as usize], &self.materials[p.material[j] as usize]);
-        let before = (p.velocity[j] - p.velocity[i]).dot(&normal);
-        let restitution = a.restitution.min(b.restitution);
-        let contact =
-            self.contact(slots, normal, gap, before, restitution, a.friction.min(b.friction), bodies);
-        (contact, gap)
-    }
-
-    /// The contact with a wall; pushes its body.
-    fn with_wall(
-        &self,
-        [a, b]: [u32; 2],
-        i: u32,
-        bodies: &mut crate::bodies::Bodies<D>,
-    ) -> (Contact<D>, Touch, f64) {
-        let (p, i, w) = (self.particles, i as usize, (b & !WALL) as usize);
-        let (wall, placed) = (&self.walls[w], &self.placed[w]);
-        let share = placed.nearest(&p.position[i]);
-        let arm = placed.point(share) - p.position[i];
-        let distance = arm.norm();
-        let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
-        let gap = distance - p.radius[i];
-        let velocity = placed.velocity_at(share);
-        let before = (velocity - p.velocity[i]).dot(&normal);
-        let slot = bodies.len() as u32;
-        bodies.push(&velocity, 0.0);
-        if bodies.spins() {
-            bodies.push_spin(0.0, 0.0);
-        }
-        let contact = self.contact([a, slot], normal, gap, before, wall.restitution, wall.friction, bodies);
-        (contact, Touch { wall: w as u32 }, gap)
-    }
-
-    /// Newton's law u_n' = -e u_n holds only for an impact: the gap closes within the sub-step if the contact
-    /// does nothing. Then u_n' + e u_n >= 0 takes the place of u_n' + gap/h >= 0, unless an overlap asks for more.
-    #[allow(clippy::too_many_arguments)]
-    fn contact(
-        &self,
-        [i, j]: [u32; 2],
-        normal: Vector<D>,
-        gap: f64,
-        before: f64,
-        restitution: f64,
-        friction: f64,
-        bodies: &crate::bodies::Bodies<D>,
-    ) -> Contact<D> {
-        let (a, b) = (i as usize, j as usize);
-        let share = if gap < 0.0 { self.settings.overlap_share } else { 1.0 };
-        let mut bias = share * gap / self.h;
-        let free = (bodies.velocity(b) - bodies.velocity(a)).dot(&normal);
-        if restitution > 0.0 && before < 0.0 && free + bias < 0.0 {
-            bias = bias.min(restitution * before);
-        }
-        let w = bodies.mobility(a) + bodies.mobility(b);
-        let spin = if bodies.spins() { bodies.spin_mobility(a) + bodies.spin_mobility(b) } else { 0.0 };
-        Contact {
-            normal,
-            impulse: Vector::zeros(),
-            bias,
-            mass_n: 1.0 / w,
-            mass_t: 1.0 / (w + spin),
-            friction,
-            i,
-            j,
-        }
-    }
 }

@@ -37,7 +37,7 @@ pub(crate) struct Stopping {
     pub tolerance: f64,
     pub max_sweeps: usize,
     pub momentum: bool,
-    /// Impulses below this share of the momentum scale are rounding, (kg m2/s2): floor of the scale.
+    /// Smallest scale of the relative natural map, the square of an impulse (kg m/s)^2.
     pub floor: f64,
 }
 
@@ -208,7 +208,7 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    /// One pass over all contacts; the squares of the change and of the impulses, weighted by w.
+    /// One pass over all contacts; its sums.
     fn sweep<L: Law, const MOMENTUM: bool>(&mut self, beta: f64) -> Sums {
         let (bodies, cohesion) = (&self.bodies, &self.cohesion);
         let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], first: usize| {
@@ -222,16 +222,16 @@ impl<const D: usize> Problem<D> {
                     last[k] = before;
                 }
                 let change = relax::<L, D>(bodies, c, &start, cohesion);
-                let w = 1.0 / c.mass_n;
                 let turn = if MOMENTUM { -change.dot(&(c.impulse - before)) } else { 0.0 };
-                sums = add(sums, [change.norm_squared() * w, c.impulse.norm_squared() * w, turn * w]);
+                sums = add(sums, [change.norm_squared(), c.impulse.norm_squared(), turn]);
             }
             sums
         };
         over_colours(&self.tiles, &mut self.contacts, &mut self.last, tile)
     }
 
-    /// Relative natural map of the present impulses and velocities.
+    /// Relative natural map of the present impulses and velocities. rho = 1/w_n between equals, half of the heavier
+    /// mass otherwise: with 1/w_n, near the lighter mass, a heavy lid that falls freely on light grains would look solved.
     fn residual<L: Law>(&mut self, floor: f64) -> f64 {
         let (bodies, cohesion) = (&self.bodies, &self.cohesion);
         let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], first: usize| {
@@ -239,7 +239,8 @@ impl<const D: usize> Problem<D> {
             for (k, c) in contacts.iter().enumerate() {
                 let u = relative::<L, D>(bodies, c);
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
-                let [error, size] = c.natural_map::<L>(&u, cohesion);
+                let heavier = bodies.heavier(c.i as usize, c.j as usize);
+                let [error, size] = c.natural_map::<L>(&u, c.mass_n.max(0.5 * heavier), cohesion);
                 sums = add(sums, [error, size, 0.0]);
             }
             sums
