@@ -91,11 +91,11 @@ impl<const D: usize> Bodies<D> {
         self.body[i].mobility
     }
 
-    /// Mass of the heavier of two bodies, kg; walls do not count.
+    /// Mass of the heavier of two bodies, kg; walls and held grains do not count.
     #[inline(always)]
     pub fn heavier(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.body[i].mobility, self.body[j].mobility);
-        1.0 / if b > 0.0 { a.min(b) } else { a }
+        1.0 / if a > 0.0 && b > 0.0 { a.min(b) } else { a.max(b) }
     }
 
     #[inline(always)]

@@ -387,3 +387,24 @@ fn extreme_masses_and_sizes_stand() {
         assert!(report.converged && report.max_penetration_over_radius < 1e-2, "{report:?}");
     }
 }
+
+/// Grains of infinite mass are held: a free disc comes to rest in the notch between two of them, which touch each
+/// other and a floor, and carry it as walls would: 45 degrees each side, so a force of m g / sqrt(2) each.
+#[test]
+fn a_disc_rests_on_held_grains() {
+    let material = Material::default();
+    let places = vec![v(0.0, 0.5), v(2f64.sqrt(), 0.5), v(0.5 * 2f64.sqrt(), 0.5 + 0.5 * 2f64.sqrt() + 0.01)];
+    let mut grains = discs(places.clone(), 0.5, &material);
+    grains.mass[0] = f64::INFINITY;
+    grains.mass[1] = f64::INFINITY;
+    let weight = grains.mass[2] * 9.81;
+    let mut dem = Dem::new(grains.rotating(), vec![floor(0.0)], vec![material], precise()).unwrap();
+    (0..500).for_each(|_| assert!(dem.step(1e-3, &Load::default()).converged));
+    assert_eq!(&dem.particles.position[..2], &places[..2]);
+    assert_relative_eq!(dem.particles.velocity[2], v(0.0, 0.0), epsilon = 1e-9);
+    let forces: Vec<f64> = dem.contacts().map(|c| c.force.norm()).filter(|f| *f > 0.0).collect();
+    assert_eq!(forces.len(), 2);
+    for force in forces {
+        assert_relative_eq!(force, weight / 2f64.sqrt(), max_relative = 1e-6);
+    }
+}
