@@ -98,12 +98,12 @@ def voidage(work: Path, warm: int, steps: int) -> dict[str, float]:
     return {"total": min(within, cpu), **phases}
 
 
-def bed(work: Path) -> str:
-    """What the bed of voidage does, to compare with what MigFlow's is known to do."""
+def bed(work: Path, after: float) -> str:
+    """What the bed of voidage does after a time, to compare with what MigFlow's is known to do."""
     with open(work / "voidage-out" / "series.csv") as file:
-        rows = [row for row in csv.DictReader(file) if float(row["time_s"]) > 0.3]
+        rows = [row for row in csv.DictReader(file) if float(row["time_s"]) > after]
     mean = {key: sum(float(row[key]) for row in rows) / len(rows) for key in ("pressure_drop_Pa", "mean_grain_height_m")}
-    return f"after 0.3 s: pressure drop {mean['pressure_drop_Pa']:.0f} Pa, mean height {mean['mean_grain_height_m']:.4f} m"
+    return f"voidage after {after} s: pressure drop {mean['pressure_drop_Pa']:.0f} Pa, mean height {mean['mean_grain_height_m']:.4f} m"
 
 
 def main() -> int:
@@ -123,7 +123,7 @@ def main() -> int:
     for phase in ("overlap", "energy", "flow", "contacts", "total"):
         a, b = 1e3 * theirs[phase] / count, 1e3 * ours[phase] / count
         print(f"{phase:<10}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
-    print(bed(options.work))
+    print(bed(options.work, options.warm * 1e-3))
     return 0
 
 
