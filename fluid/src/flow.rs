@@ -131,12 +131,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         if let Some(flat) = elements.iter().position(|e| e.measure <= 0.0 || !e.measure.is_finite()) {
             return Err(Error::Mesh(format!("cell {flat} of the mesh is flat or inverted")));
         }
-        let mut nodal_volume = vec![0.0; nodes];
-        for (cell, element) in elements.iter().enumerate() {
-            for a in 0..B {
-                nodal_volume[mesh.cells[cell * B + a] as usize] += element.measure / B as f64;
-            }
-        }
+        let nodal_volume = mesh.nodal_volume();
         let assembler = Assembler::new::<B>(nodes, &mesh.cells);
         let pattern = &assembler.pattern;
         let heat = heat.map(|properties| Heat {
@@ -173,11 +168,6 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     /// Last accepted values.
     pub fn state(&self) -> &State<D> {
         &self.state
-    }
-
-    /// Integral of each shape function, m3 (m2 in the plane).
-    pub fn nodal_volume(&self) -> &[f64] {
-        &self.nodal_volume
     }
 
     /// Sets the sources of the coming steps.
@@ -275,16 +265,6 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             }
         }
         (force, heat)
-    }
-
-    /// Values of the step in hand.
-    pub fn next(&self) -> &State<D> {
-        &self.next
-    }
-
-    /// Gradients of the shape functions, `D + 1` per cell.
-    pub fn gradient(&self) -> &[Vector<D>] {
-        &self.gradient
     }
 
     fn solve_heat(
