@@ -14,6 +14,9 @@
 //! neither the 1/rho of the pressure stabilisation nor the rho of the incompressibility term; without them
 //! the units do not agree and the solution would change with the unit of mass (a test changes that unit).
 //!
+//! Gravity carries 1 - beta (T - T_R), hot fluid being lighter (Eq. 2 prints a plus), and the residuals take their
+//! signs from Eqs. 2 and 3, not from the print of A.5 and A.6.
+//!
 //! Local matrices are indexed `[a][b][i][j]`: row of test node a and equation i, column of node b and unknown
 //! j; equation and unknown `D` are mass and pressure.
 
