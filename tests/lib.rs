@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 use std::sync::Arc;
-use voidage_coupling::backend::{FluidBackend, RustFluid};
+use voidage_coupling::backend::{FluidBackend, FluidStep, RustFluid};
 use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws};
@@ -185,6 +185,16 @@ pub fn three_per_cell(mesh: &Mesh<2>) -> Vec<Vec2> {
         (0..3).map(move |k| corner(k) * (2.0 / 3.0) + (corner(k + 1) + corner(k + 2)) / 6.0)
     });
     places.collect()
+}
+
+/// Steps of `dt` of a fluid without grains.
+pub fn steps_alone(fluid: &mut Fluid<2>, dt: f64, count: u64) {
+    for number in 1..=count {
+        let time = (number - 1) as f64 * dt;
+        let step = FluidStep { number, time, dt, grains: None, conditions: &fluid.conditions };
+        fluid.backend.solve(&step, &mut AtBodies::default()).expect("a step");
+        fluid.backend.accept();
+    }
 }
 
 /// Contacts off the stage: no gravity.

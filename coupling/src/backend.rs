@@ -39,6 +39,32 @@ pub struct HeatLoad {
     pub temperature: Vec<f64>,
 }
 
+/// Grains in the fluid: where they are, and their load.
+#[derive(Clone, Copy, Debug)]
+pub struct Immersed<'a, const D: usize> {
+    /// Centres, m.
+    pub position: &'a [Vector<D>],
+    /// Radii, m.
+    pub radius: &'a [f64],
+    /// Pieces, voidage and the columns of the exchange.
+    pub load: &'a GrainLoad<D>,
+}
+
+/// A step as the fluid solver gets it.
+#[derive(Clone, Copy, Debug)]
+pub struct FluidStep<'a, const D: usize> {
+    /// Number of the step since time zero; the first is 1.
+    pub number: u64,
+    /// Time at its start, s.
+    pub time: f64,
+    /// Its length, s.
+    pub dt: f64,
+    /// The grains; absent without.
+    pub grains: Option<Immersed<'a, D>>,
+    /// What is prescribed on the boundary at its end.
+    pub conditions: &'a [Condition<D>],
+}
+
 impl<const D: usize> GrainLoad<D> {
     fn exchange(&self) -> Exchange<'_, D> {
         Exchange {
@@ -76,17 +102,11 @@ pub trait FluidBackend<const D: usize> {
     /// A mesh or conditions that the solver cannot use.
     fn start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<()>;
 
-    /// Solves a step of `dt` and writes the fluid at the grains to `out`; `load` is absent without grains.
+    /// Solves a step and writes the fluid at the grains, if there are any, to `out`.
     ///
     /// # Errors
     /// The solver failed.
-    fn solve(
-        &mut self,
-        dt: f64,
-        load: Option<&GrainLoad<D>>,
-        conditions: &[Condition<D>],
-        out: &mut AtBodies<D>,
-    ) -> Result<FluidReport<D>>;
+    fn solve(&mut self, step: &FluidStep<'_, D>, out: &mut AtBodies<D>) -> Result<FluidReport<D>>;
 
     /// Accepts the last solution.
     fn accept(&mut self);
@@ -147,15 +167,10 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
         Ok(())
     }
 
-    fn solve(
-        &mut self,
-        dt: f64,
-        load: Option<&GrainLoad<D>>,
-        conditions: &[Condition<D>],
-        out: &mut AtBodies<D>,
-    ) -> Result<FluidReport<D>> {
+    fn solve(&mut self, step: &FluidStep<'_, D>, out: &mut AtBodies<D>) -> Result<FluidReport<D>> {
         let (_, flow) = self.flow.as_mut().ok_or_else(not_started)?;
-        let Some(load) = load else {
+        let (dt, conditions) = (step.dt, step.conditions);
+        let Some(Immersed { load, .. }) = step.grains else {
             let solver = flow.solve(dt, &self.clear, None, conditions)?;
             return Ok(FluidReport { solver, force: Vector::zeros(), heat: 0.0 });
         };

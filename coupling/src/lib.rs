@@ -17,7 +17,7 @@ pub use error::{Error, Result};
 pub use scene::Scene;
 pub use simulation::Simulation;
 
-use backend::{FluidBackend, GrainLoad};
+use backend::{FluidBackend, FluidStep, GrainLoad, Immersed};
 use closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use overlap::Overlap;
 use rayon::prelude::*;
@@ -288,11 +288,15 @@ impl<const D: usize> Coupled<D> {
         let start = Instant::now();
         let conditions = ramped(&fluid.conditions, fluid.ramp, self.time + dt);
         let mut none = AtBodies::default();
-        let (load, at) = match &mut self.interaction {
-            Some(interaction) => (Some(&interaction.load), &mut interaction.at),
-            None => (None, &mut none),
+        let (grains, at) = match (&self.grains, &mut self.interaction) {
+            (Some(Dem { particles, .. }), Some(Interaction { load, at, .. })) => {
+                (Some(Immersed { position: &particles.position, radius: &particles.radius, load }), at)
+            }
+            _ => (None, &mut none),
         };
-        let solved = fluid.backend.solve(dt, load, &conditions, at)?;
+        let step =
+            FluidStep { number: self.steps + 1, time: self.time, dt, grains, conditions: &conditions };
+        let solved = fluid.backend.solve(&step, at)?;
         report.phases.energy += solved.solver.heat_s;
         report.phases.flow += solved.solver.flow_s;
         report.phases.exchange += start.elapsed().as_secs_f64() - solved.solver.heat_s - solved.solver.flow_s;

@@ -1,9 +1,10 @@
 //! What is prescribed on the boundary, by the name of its part.
 
 use crate::{Error, Mesh, Result, Vector};
+use serde::{Deserialize, Serialize};
 
 /// Conditions on one named part of the boundary.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Condition<const D: usize> {
     /// Name of the part in the mesh.
     pub boundary: String,
@@ -14,7 +15,8 @@ pub struct Condition<const D: usize> {
 }
 
 /// A prescribed velocity.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Prescribed<const D: usize> {
     /// The same everywhere, m/s.
     Uniform(Vector<D>),
@@ -40,7 +42,8 @@ impl<const D: usize> Prescribed<D> {
 }
 
 /// Condition on the flow.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum FlowCondition<const D: usize> {
     /// u given.
     Velocity(Prescribed<D>),
@@ -59,7 +62,8 @@ pub enum FlowCondition<const D: usize> {
 }
 
 /// Condition on the temperature.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum HeatCondition {
     /// T given, K.
     Temperature(f64),

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Heat in the fluid.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeatProperties {
     /// rho c, k and the walls of a thin cell.
     pub scalar: Scalar,
@@ -23,7 +23,7 @@ pub struct HeatProperties {
 }
 
 /// How the equations are solved.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Numerics {
     /// Newton steps of the convection per time step, at least 1.
     pub newton: usize,

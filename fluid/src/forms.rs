@@ -27,7 +27,7 @@ use crate::exchange::CellExchange;
 use nalgebra::SMatrix;
 
 /// Properties of the fluid that the momentum equation needs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Properties<const D: usize> {
     /// Density rho, kg/m3.
     pub density: f64,

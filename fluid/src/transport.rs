@@ -16,7 +16,7 @@ use crate::exchange::{HeatExchange, Pieces, PiecesByCell};
 use crate::forms::stabilisation_time;
 
 /// Coefficients of a transported scalar.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Scalar {
     /// Volumetric capacity C: rho c for heat, J/m3/K.
     pub capacity: f64,
@@ -27,7 +27,7 @@ pub struct Scalar {
 }
 
 /// Heat from the front and rear walls, q_l = coefficient (T_w - T).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ThinCellHeat {
     /// lambda, W/m3/K.
     pub coefficient: f64,

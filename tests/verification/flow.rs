@@ -2,7 +2,7 @@
 
 use approx::assert_relative_eq;
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
-use voidage_tests::{FluidSet, Vec2, grid};
+use voidage_tests::{FluidSet, Vec2, grid, steps_alone};
 
 /// Largest error at the nodes of the middle third of the Hele-Shaw channel, on 3n x n squares: at the ends, where
 /// the velocity is prescribed, the pressure stabilisation without second derivatives is of lower order.
@@ -17,10 +17,7 @@ fn hele_shaw_error(squares: usize) -> f64 {
     set.properties.thin_cell_drag = drag;
     let start = set.rest(&mesh, 0.0);
     let mut fluid = set.build(mesh, start);
-    for _ in 0..3 {
-        fluid.backend.solve(1e6, None, &fluid.conditions, &mut Default::default()).expect("a step");
-        fluid.backend.accept();
-    }
+    steps_alone(&mut fluid, 1e6, 3);
     let fields = fluid.backend.fields().expect("fields");
     let middle = fluid.mesh.points.iter().zip(&fields.velocity).filter(|(x, _)| (x.x - 1.5).abs() < 0.5);
     middle.map(|(x, u)| (u - Vec2::new(exact(x.y), 0.0)).norm()).fold(0.0, f64::max) / (push / drag)
@@ -49,10 +46,7 @@ fn the_solution_does_not_depend_on_the_unit_of_mass() {
         let mesh = grid([1.0, 1.0], [8, 8]);
         let start = set.rest(&mesh, 0.0);
         let mut fluid = set.build(mesh, start);
-        for _ in 0..5 {
-            fluid.backend.solve(0.1, None, &fluid.conditions, &mut Default::default()).expect("a step");
-            fluid.backend.accept();
-        }
+        steps_alone(&mut fluid, 0.1, 5);
         fluid.backend.fields().expect("fields")
     };
     let (kilogram, gram) = (solve(1.0), solve(1000.0));

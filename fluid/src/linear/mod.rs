@@ -56,7 +56,7 @@ pub enum Method {
 }
 
 /// Choices of a [`Solver`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Options {
     /// How systems are solved.
     pub method: Method,
