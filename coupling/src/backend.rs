@@ -39,6 +39,14 @@ pub struct HeatLoad {
     pub temperature: Vec<f64>,
 }
 
+impl HeatLoad {
+    /// Heat from the fluid to grain `i`, W: hA (T - T*) with the affine law T*.
+    pub fn heat<const D: usize>(&self, at: &AtBodies<D>, i: usize) -> f64 {
+        let taken = self.coefficient[i] * at.temperature[i];
+        taken - self.coefficient[i] * (self.temperature[i] + self.mobility[i] * taken)
+    }
+}
+
 /// Grains in the fluid: where they are, and their load.
 #[derive(Clone, Copy, Debug)]
 pub struct Immersed<'a, const D: usize> {
@@ -66,6 +74,13 @@ pub struct FluidStep<'a, const D: usize> {
 }
 
 impl<const D: usize> GrainLoad<D> {
+    /// Force of the fluid on grain `i`, N: -V grad p + gamma (u - v*) with the affine law v*.
+    pub fn force(&self, at: &AtBodies<D>, i: usize) -> Vector<D> {
+        let pressure = at.pressure_gradient[i] * self.volume[i];
+        let law = self.velocity[i] + (at.velocity[i] * self.drag[i] - pressure) * self.mobility[i];
+        (at.velocity[i] - law) * self.drag[i] - pressure
+    }
+
     fn exchange(&self) -> Exchange<'_, D> {
         Exchange {
             pieces: &self.pieces,

@@ -6,6 +6,7 @@
 pub mod backend;
 pub mod build;
 pub mod closure;
+pub mod compare;
 pub mod error;
 pub mod overlap;
 pub mod recorder;
@@ -294,8 +295,7 @@ impl<const D: usize> Coupled<D> {
             }
             _ => (None, &mut none),
         };
-        let step =
-            FluidStep { number: self.steps + 1, time: self.time, dt, grains, conditions: &conditions };
+        let step = FluidStep { number: self.steps + 1, time: self.time, dt, grains, conditions: &conditions };
         let solved = fluid.backend.solve(&step, at)?;
         report.phases.energy += solved.solver.heat_s;
         report.phases.flow += solved.solver.flow_s;
@@ -333,20 +333,20 @@ impl<const D: usize> Interaction<D> {
     /// Forces and heat on the grains by the affine law, and how far the fluid's own sum is from theirs.
     fn balance(&mut self, solved: &backend::FluidReport<D>, report: &mut StepReport) {
         let (load, at) = (&self.load, &self.at);
-        self.force.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, force)| {
-            let pressure = at.pressure_gradient[i] * load.volume[i];
-            let law = load.velocity[i] + (at.velocity[i] * load.drag[i] - pressure) * load.mobility[i];
-            *force = (at.velocity[i] - law) * load.drag[i] - pressure;
-        });
+        self.force
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(256)
+            .for_each(|(i, force)| *force = load.force(at, i));
         let total: Vector<D> = self.force.iter().sum();
         let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
         report.momentum_exchange_defect = Some(relative((total - solved.force).norm(), scale));
         if let Some(columns) = &load.heat {
-            self.heat.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, heat)| {
-                let taken = columns.coefficient[i] * at.temperature[i];
-                *heat =
-                    taken - columns.coefficient[i] * (columns.temperature[i] + columns.mobility[i] * taken);
-            });
+            self.heat
+                .par_iter_mut()
+                .enumerate()
+                .with_min_len(256)
+                .for_each(|(i, heat)| *heat = columns.heat(at, i));
             let total: f64 = self.heat.iter().sum();
             let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();
             report.energy_exchange_defect = Some(relative((total - solved.heat).abs(), scale));
