@@ -3,6 +3,7 @@
 //! Exit codes: 0 done; 1 the run failed (solver, disk) or was interrupted; 2 the input is wrong.
 
 mod check;
+mod compare;
 mod doctor;
 mod plot;
 mod progress;
@@ -31,6 +32,9 @@ struct Arguments {
 enum Command {
     /// Run a scene; Ctrl-C writes a checkpoint and ends cleanly (exit code 1).
     Run(run::Options),
+    /// Show the same states to several fluid solvers, then run them side by side; exit code 1 if a step from the same
+    /// state differs by more than the tolerance.
+    Compare(compare::Options),
     /// Read a scene, check it, and say which parts are on and how large they are.
     Check {
         /// Scene file (TOML).
@@ -61,7 +65,11 @@ enum Command {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let quiet = matches!(&arguments.command, Command::Run(options) if options.quiet);
+    let quiet = match &arguments.command {
+        Command::Run(options) => options.quiet,
+        Command::Compare(options) => options.quiet,
+        _ => false,
+    };
     progress::start_logging(quiet);
     match perform(arguments.command) {
         Ok(code) => ExitCode::from(code),
@@ -76,6 +84,7 @@ fn main() -> ExitCode {
 fn perform(command: Command) -> Result<u8> {
     match command {
         Command::Run(options) => run::run(&options),
+        Command::Compare(options) => compare::compare(&options),
         Command::Check { scene, sets } => check::check(&scene, &sets),
         Command::Plot { folder } => {
             let pictures = plot::draw(&folder)?;

@@ -12,7 +12,7 @@ use tracing::{info, warn};
 use voidage_coupling::launch::Host;
 use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary, create_folder};
 use voidage_coupling::scene::{Scene, Solver};
-use voidage_coupling::{Error, Result, Simulation, StepReport};
+use voidage_coupling::{Error, Result, Simulation};
 
 /// Options of `voidage run`.
 #[derive(Args)]
@@ -63,7 +63,18 @@ pub fn run(options: &Options) -> Result<u8> {
 fn sets(options: &Options) -> Result<Vec<String>> {
     let mut sets = options.sets.clone();
     sets.extend(options.scheme.iter().map(|scheme| format!("coupling.scheme={scheme:?}")));
-    if let Some(name) = &options.fluid {
+    sets.extend(solver_sets(options.fluid.as_deref(), options.transport.as_deref(), options.timeout)?);
+    Ok(sets)
+}
+
+/// The choice of a fluid solver as changes of the scene.
+pub fn solver_sets(
+    fluid: Option<&str>,
+    transport: Option<&str>,
+    timeout: Option<f64>,
+) -> Result<Vec<String>> {
+    let mut sets = Vec::new();
+    if let Some(name) = fluid {
         let Some(solver) = Solver::named(name) else {
             return Err(Error::Input(format!(
                 "--fluid {name}: there is no such fluid solver\n  \
@@ -76,13 +87,13 @@ fn sets(options: &Options) -> Result<Vec<String>> {
             named => format!("fluid.backend.solver={:?}", named.name()),
         });
     }
-    sets.extend(options.transport.iter().map(|transport| format!("fluid.backend.transport={transport:?}")));
-    sets.extend(options.timeout.iter().map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
+    sets.extend(transport.map(|transport| format!("fluid.backend.transport={transport:?}")));
+    sets.extend(timeout.map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
     Ok(sets)
 }
 
 /// The default folder of results: `out/bubbling-bed` for `cases/bubbling-bed/scene.toml`.
-fn default_folder(scene: &Path) -> PathBuf {
+pub fn default_folder(scene: &Path) -> PathBuf {
     let stem = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let parent = scene.parent().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
     let name = match (stem.strip_prefix("scene"), parent) {
@@ -92,7 +103,12 @@ fn default_folder(scene: &Path) -> PathBuf {
     Path::new("out").join(name)
 }
 
-fn start_threads(asked: Option<usize>) -> Result<usize> {
+/// Where fluid solvers are started from: this program, with their output in a log.
+pub fn host(log: PathBuf) -> Host {
+    Host { program: std::env::current_exe().unwrap_or(Host::default().program), log }
+}
+
+pub fn start_threads(asked: Option<usize>) -> Result<usize> {
     if asked == Some(0) {
         return Err(Error::Input("--threads 0: there must be a thread\n  help: give 1 or more".into()));
     }
@@ -132,8 +148,7 @@ impl Run {
         let folder = options.out.clone().unwrap_or_else(|| default_folder(&options.scene));
         let hash = scene.hash()?;
         create_folder(&folder)?;
-        let program = std::env::current_exe().unwrap_or(Host::default().program);
-        let host = Host { program, log: folder.join("solver.log") };
+        let host = host(folder.join("solver.log"));
         let (simulation, recording) = match &options.restart {
             None => {
                 let mut simulation = Simulation::hosted(scene, &host)?;
@@ -197,7 +212,7 @@ impl Run {
                 time: self.simulation.time(),
                 grains: self.summary.grains,
                 contacts: report.grains.map_or(0, |grains| grains.contacts),
-                residual: residual(&report),
+                residual: report.residual(),
             });
         }
         Ok(true)
@@ -279,11 +294,4 @@ impl Run {
         summary.solid_volume_defect = totals.solid_volume_defect;
         summary.write(&self.recording.folder().join("summary.json"))
     }
-}
-
-/// The largest relative residual of the solvers in a step.
-fn residual(report: &StepReport) -> f64 {
-    let contacts = report.grains.map_or(0.0, |grains| grains.residual);
-    let flow = report.fluid.map_or(0.0, |fluid| fluid.residual);
-    contacts.max(flow)
 }

@@ -245,20 +245,23 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
         pressure: vec![0.0; nodes],
         temperature: described.heat.as_ref().map(|heat| vec![heat.initial_temperature; nodes]),
     };
-    let mut backend = backend(scene, described, &conditions, host)?;
+    let mut backend = backend(scene, host)?;
     backend.start(&mesh, &start)?;
     let nodal_volume = mesh.nodal_volume();
     Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume })
 }
 
-fn backend(
-    scene: &Scene,
-    described: &scene::Fluid,
-    conditions: &[Condition<2>],
-    host: &Host,
-) -> Result<Box<dyn FluidBackend<2>>> {
+/// The fluid solver that a scene asks for; it waits for its mesh.
+///
+/// # Errors
+/// The scene has no fluid, the solver does not start.
+pub fn backend(scene: &Scene, host: &Host) -> Result<Box<dyn FluidBackend<2>>> {
+    let Some(described) = &scene.fluid else {
+        return Err(Error::Input("the scene has no fluid".into()));
+    };
     let (properties, heat) = (properties(scene, described), heat(described));
-    let (numerics, conditions) = (numerics(described), conditions.to_vec());
+    let conditions: Vec<Condition<2>> = described.boundaries.iter().map(condition).collect();
+    let numerics = numerics(described);
     match &described.backend {
         Some(backend) if backend.solver != scene::Solver::Rust => {
             let setup = Setup::new(properties, heat, numerics, conditions);

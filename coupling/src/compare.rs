@@ -2,6 +2,7 @@
 
 use crate::backend::{FluidBackend, FluidReport, FluidStep, Immersed};
 use crate::error::Result;
+use crate::recorder::View;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -52,19 +53,20 @@ pub struct SideBySide<const D: usize> {
     others: Vec<Other<D>>,
     density: f64,
     steps: Vec<u64>,
-    mesh: Option<Arc<Mesh<D>>>,
+    mesh: Arc<Mesh<D>>,
     /// The step in hand if it is compared, with the differences at the grains.
     pending: Option<(u64, Vec<Vec<Difference>>)>,
     findings: Findings,
 }
 
 impl<const D: usize> SideBySide<D> {
-    /// `first` and the others by name, compared in the given steps (the first step is 1); `density` is that of the
-    /// fluid, kg/m3.
+    /// `first`, which has its mesh already, and the others by name, compared in the given steps (the first step is 1);
+    /// `density` is that of the fluid, kg/m3.
     pub fn new(
         first: Box<dyn FluidBackend<D>>,
-        others: Vec<(String, Box<dyn FluidBackend<D>>)>,
+        mesh: Arc<Mesh<D>>,
         density: f64,
+        others: Vec<(String, Box<dyn FluidBackend<D>>)>,
         steps: Vec<u64>,
     ) -> Self {
         let other = |(name, backend)| Other { name, backend, at: AtBodies::default() };
@@ -73,7 +75,7 @@ impl<const D: usize> SideBySide<D> {
             others: others.into_iter().map(other).collect(),
             density,
             steps,
-            mesh: None,
+            mesh,
             pending: None,
             findings: Findings::default(),
         }
@@ -85,10 +87,9 @@ impl<const D: usize> SideBySide<D> {
     }
 
     fn look(&mut self, step: &FluidStep<'_, D>, out: &AtBodies<D>, before: &State<D>) -> Result<()> {
-        let Some(mesh) = self.mesh.clone() else { return Ok(()) };
         let mut at_grains = Vec::new();
         for other in &mut self.others {
-            other.backend.start(&mesh, before)?;
+            other.backend.start(&self.mesh, before)?;
             other.backend.solve(step, &mut other.at)?;
             at_grains
                 .push(step.grains.map_or_else(Vec::new, |grains| grain_differences(&grains, out, &other.at)));
@@ -100,7 +101,7 @@ impl<const D: usize> SideBySide<D> {
 
 impl<const D: usize> FluidBackend<D> for SideBySide<D> {
     fn start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<()> {
-        self.mesh = Some(mesh.clone());
+        self.mesh = mesh.clone();
         self.first.start(mesh, fields)
     }
 
@@ -127,7 +128,10 @@ impl<const D: usize> FluidBackend<D> for SideBySide<D> {
         if let Some((step, at_grains)) = self.pending.take() {
             for (other, at_grains) in self.others.iter_mut().zip(at_grains) {
                 let theirs = other.backend.fields()?;
-                let mut differences = field_differences(self.density, &fields, &theirs);
+                let velocity = (&fields.velocity[..], &theirs.velocity[..]);
+                let temperature = fields.temperature.as_deref().zip(theirs.temperature.as_deref());
+                let pressure = (&fields.pressure[..], &theirs.pressure[..]);
+                let mut differences = nodal(self.density, velocity, pressure, temperature);
                 differences.extend(at_grains);
                 let finding = Finding { step, solver: other.name.clone(), differences };
                 self.findings.borrow_mut().push(finding);
@@ -137,21 +141,46 @@ impl<const D: usize> FluidBackend<D> for SideBySide<D> {
     }
 }
 
-/// Differences of the nodal fields: relative to the first, or to what would drive them.
-pub fn field_differences<const D: usize>(density: f64, a: &State<D>, b: &State<D>) -> Vec<Difference> {
-    let pressure = a.pressure.iter().fold(0.0, |most: f64, p| most.max(p.abs()));
-    let mut found = vec![
-        vectors("velocity", &a.velocity, &b.velocity, (pressure / density).sqrt()),
-        scalars("pressure", &a.pressure, &b.pressure, density * square_of_largest(&a.velocity)),
-    ];
-    if let (Some(a), Some(b)) = (&a.temperature, &b.temperature) {
-        found.push(scalars("temperature", a, b, 0.0));
+/// Differences of two runs: the nodal fields, and the grains. Places are compared with the radius.
+pub fn view_differences<const D: usize>(density: f64, a: &View<'_, D>, b: &View<'_, D>) -> Vec<Difference> {
+    let mut found = Vec::new();
+    if let (Some(a), Some(b)) = (&a.fluid, &b.fluid) {
+        let temperature = a.temperature.zip(b.temperature);
+        found.extend(nodal(density, (a.velocity, b.velocity), (a.pressure, b.pressure), temperature));
+    }
+    if let (Some(a), Some(b)) = (&a.grains, &b.grains) {
+        let place = |i: usize| (a.radius[i], (a.position[i] - b.position[i]).norm());
+        found.push(difference("grain position", a.position.len(), place, 0.0));
+        found.push(vectors("grain velocity", a.velocity, b.velocity, 0.0));
+        if let Some((a, b)) = a.temperature.zip(b.temperature) {
+            found.push(scalars("grain temperature", a, b, 0.0));
+        }
     }
     found
 }
 
+/// Differences of the nodal fields: relative to the first, or to what would drive them.
+fn nodal<const D: usize>(
+    density: f64,
+    velocity: (&[Vector<D>], &[Vector<D>]),
+    pressure: (&[f64], &[f64]),
+    temperature: Option<(&[f64], &[f64])>,
+) -> Vec<Difference> {
+    let speed = velocity.0.iter().fold(0.0, |most: f64, u| most.max(u.norm()));
+    let mut found = vec![
+        vectors("velocity", velocity.0, velocity.1, (largest(pressure.0) / density).sqrt()),
+        scalars("pressure", pressure.0, pressure.1, density * speed * speed),
+    ];
+    found.extend(temperature.map(|(a, b)| scalars("temperature", a, b, 0.0)));
+    found
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
+}
+
 /// Differences of force and heat on the grains by the affine law.
-pub fn grain_differences<const D: usize>(
+fn grain_differences<const D: usize>(
     grains: &Immersed<'_, D>,
     a: &AtBodies<D>,
     b: &AtBodies<D>,
@@ -162,15 +191,10 @@ pub fn grain_differences<const D: usize>(
     let mut found = vec![vectors("grain force", &force(a), &force(b), 0.0)];
     if let Some(columns) = &load.heat {
         let heat = |at: &AtBodies<D>| (0..count).map(|i| columns.heat(at, i)).collect::<Vec<_>>();
-        let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
         let driver = largest(&columns.coefficient) * largest(&a.temperature);
         found.push(scalars("grain heat", &heat(a), &heat(b), driver));
     }
     found
-}
-
-fn square_of_largest<const D: usize>(values: &[Vector<D>]) -> f64 {
-    values.iter().fold(0.0, |most, value| most.max(value.norm_squared()))
 }
 
 fn vectors<const D: usize>(

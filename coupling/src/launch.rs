@@ -106,7 +106,9 @@ pub fn package() -> Option<PathBuf> {
     }
     let places = [std::env::current_dir().ok(), std::env::current_exe().ok()];
     let above = places.iter().flatten().flat_map(|place| place.ancestors());
-    above.map(|folder| folder.join("coupling/python")).find(|folder| folder.join("voidage/__init__.py").exists())
+    above
+        .map(|folder| folder.join("coupling/python"))
+        .find(|folder| folder.join("voidage/__init__.py").exists())
 }
 
 /// A solver that was started here. It is ended with this value.

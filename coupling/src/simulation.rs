@@ -1,5 +1,7 @@
 //! A scene in motion: what the program, the tests and the recorder drive.
 
+use crate::backend::FluidBackend;
+use crate::compare::{Findings, SideBySide};
 use crate::error::Result;
 use crate::launch::Host;
 use crate::recorder::{Checkpoint, FluidView, GrainView, View};
@@ -100,6 +102,28 @@ impl Simulation {
             interaction.at = at;
         }
         Ok(self)
+    }
+
+    /// Lets other fluid solvers solve the given steps from the states of this run; `density` is that of the fluid, kg/m3.
+    /// They are compared in the nodal fields when [`Self::refresh`] follows the step.
+    ///
+    /// # Errors
+    /// There is no fluid.
+    pub fn beside(
+        &mut self,
+        density: f64,
+        others: Vec<(String, Box<dyn FluidBackend<2>>)>,
+        steps: Vec<u64>,
+    ) -> Result<Findings> {
+        let coupled = &mut self.coupled;
+        let Some(mut fluid) = coupled.fluid.take() else {
+            return Err(crate::Error::Input("a scene without fluid has no fluid solvers to compare".into()));
+        };
+        let beside = SideBySide::new(fluid.backend, fluid.mesh.clone(), density, others, steps);
+        let findings = beside.findings();
+        fluid.backend = Box::new(beside);
+        coupled.fluid = Some(fluid);
+        Ok(findings)
     }
 
     /// The coupled system.

@@ -92,6 +92,22 @@ pub fn pressure(
     chart(path, "pressure drop (Pa)", &curves, limits)
 }
 
+/// Differences of runs against time, decades up: one curve per name.
+pub fn differences(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> Result<()> {
+    const COLOURS: [RGBColor; 6] =
+        [BLUE_LINE, ORANGE_LINE, GREEN_LINE, SKY_LINE, RGBColor(230, 159, 0), RGBColor(204, 121, 167)];
+    let curves: Vec<Curve> = curves
+        .into_iter()
+        .zip(COLOURS.iter().cycle())
+        .map(|((name, points), colour)| Curve {
+            name,
+            points: points.into_iter().filter(|(_, y)| *y > 0.0).map(|(x, y)| (x, y.log10())).collect(),
+            style: Style::Solid(colour, 3),
+        })
+        .collect();
+    chart(path, "log10 of the relative difference", &curves, None)
+}
+
 /// Bounds that leave out the few highest and lowest values, so that a jump at the start does not flatten the rest.
 fn quantiles(values: &[f64]) -> Option<(f64, f64)> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();

@@ -10,6 +10,7 @@ mod table;
 use std::path::{Path, PathBuf};
 use table::Table;
 use tracing::info;
+use voidage_coupling::compare::Finding;
 use voidage_coupling::recorder::{Summary, read_collection};
 use voidage_coupling::scene::Scene;
 use voidage_coupling::{Error, Result};
@@ -38,6 +39,28 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
         drawn.extend(maps::draw(folder, &Table::read(&averages)?)?);
     }
     Ok(drawn)
+}
+
+/// Root mean square differences of runs side by side against time, one picture per fluid solver; `step` is the time
+/// step, s.
+pub fn differences(folder: &Path, step: f64, findings: &[Finding]) -> Result<()> {
+    let mut solvers: Vec<&str> = findings.iter().map(|finding| finding.solver.as_str()).collect();
+    solvers.sort_unstable();
+    solvers.dedup();
+    for solver in solvers {
+        let mut curves: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+        for finding in findings.iter().filter(|finding| finding.solver == solver) {
+            for (k, difference) in finding.differences.iter().enumerate() {
+                if curves.len() == k {
+                    curves.push((difference.quantity.to_owned(), Vec::new()));
+                }
+                curves[k].1.push((finding.step as f64 * step, difference.l2));
+            }
+        }
+        let name = solver.replace([':', '/'], "-");
+        lines::differences(&folder.join(format!("free-runs-{name}.png")), curves)?;
+    }
+    Ok(())
 }
 
 /// Mean grain temperature against time, with an exponential.

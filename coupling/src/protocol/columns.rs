@@ -51,14 +51,8 @@ pub const COLUMNS: [Column; 11] = [
 ];
 
 /// Columns of a step.
-pub const STEP: &[Column] = &[
-    Column::Position,
-    Column::Radius,
-    Column::Volume,
-    Column::Drag,
-    Column::Mobility,
-    Column::Velocity,
-];
+pub const STEP: &[Column] =
+    &[Column::Position, Column::Radius, Column::Volume, Column::Drag, Column::Mobility, Column::Velocity];
 /// Further columns of a step with heat.
 pub const STEP_HEAT: &[Column] = &[Column::HeatCoefficient, Column::HeatMobility, Column::Temperature];
 /// Columns of a solution.

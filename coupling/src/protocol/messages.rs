@@ -27,7 +27,10 @@ impl Layout {
 
     fn put_vectors<const D: usize>(&self, payload: &mut [f64], column: Column, values: &[Vector<D>]) {
         if let Some(range) = self.range(column) {
-            payload[range].chunks_exact_mut(D).zip(values).for_each(|(to, v)| to.copy_from_slice(v.as_slice()));
+            payload[range]
+                .chunks_exact_mut(D)
+                .zip(values)
+                .for_each(|(to, v)| to.copy_from_slice(v.as_slice()));
         }
     }
 
@@ -287,11 +290,7 @@ impl<'a, const D: usize> FieldsMessage<'a, D> {
     }
 }
 
-fn fields_at<const D: usize>(
-    header: &Header,
-    payload: &[f64],
-    offset: usize,
-) -> Result<State<D>, PeerError> {
+fn fields_at<const D: usize>(header: &Header, payload: &[f64], offset: usize) -> Result<State<D>, PeerError> {
     let layout = Layout::of(header, D, FIELDS, HEAT, offset)?;
     let mut state = State { velocity: Vec::new(), pressure: Vec::new(), temperature: None };
     layout.get_vectors(payload, Column::Velocity, &mut state.velocity);

@@ -23,6 +23,7 @@ mod text;
 pub use columns::{COLUMNS, Column, FIELDS, HEAT, Layout, SOLUTION, STEP, STEP_HEAT};
 pub use header::{ACCEPT, HEADER_BYTES, Header, Kind, MAGIC, VERSION};
 pub use messages::{
-    FieldsMessage, MeshMessage, SolutionMessage, StepMessage, read_fields, read_mesh, read_solution, read_step,
+    FieldsMessage, MeshMessage, SolutionMessage, StepMessage, read_fields, read_mesh, read_solution,
+    read_step,
 };
 pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

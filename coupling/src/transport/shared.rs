@@ -151,9 +151,8 @@ impl Shared {
             let builder = node.service_builder(&name(run, direction)?).publish_subscribe::<[f64]>();
             builder.user_header::<Header>().open().map_err(occupied(run))
         };
-        let events = |direction| {
-            node.service_builder(&name(run, direction)?).event().open().map_err(occupied(run))
-        };
+        let events =
+            |direction| node.service_builder(&name(run, direction)?).event().open().map_err(occupied(run));
         let (incoming, out) = (data(TO_FLUID)?, data(TO_GRAINS)?);
         let (wait, wake) = (events(TO_FLUID)?, events(TO_GRAINS)?);
         Self::new(node, out, incoming, (wake, wait), true).map(Some)
