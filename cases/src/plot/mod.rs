@@ -57,6 +57,10 @@ pub fn differences(folder: &Path, step: f64, findings: &[Finding]) -> Result<()>
                 curves[k].1.push((finding.step as f64 * step, difference.l2));
             }
         }
+        if curves.iter().all(|(_, points)| points.iter().all(|(_, difference)| *difference == 0.0)) {
+            info!("{solver}: equal to the bit");
+            continue;
+        }
         let name = solver.replace([':', '/'], "-");
         lines::differences(&folder.join(format!("free-runs-{name}.png")), curves)?;
     }

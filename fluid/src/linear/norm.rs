@@ -8,6 +8,9 @@ use super::scaling::Scaling;
 /// is smaller.
 const TERMS: f64 = 0.01;
 
+/// Residuals up to this multiple of the rounding errors of A x and b cannot be made smaller.
+const ROUND_OFF: f64 = 16.0 * f64::EPSILON;
+
 /// Weights S such that the 2-norm of S r, restricted to one component, is the quotient that is
 /// compared with the tolerance. So the norm that GMRES minimises bounds the one that is tested.
 #[derive(Clone, Debug, Default)]
@@ -56,9 +59,21 @@ impl Norm {
     pub fn residual<const B: usize>(&mut self, matrix: &BlockMatrix<B>, rhs: &[f64], x: &[f64]) -> f64 {
         self.scratch.resize(rhs.len(), 0.0);
         matrix.residual(rhs, x, &mut self.scratch);
-        let norms = component_norms::<B>(&self.weights, &self.scratch);
-        norms.iter().fold(0.0, |largest, &norm| if norm <= largest { largest } else { norm })
+        largest(&component_norms::<B>(&self.weights, &self.scratch))
     }
+
+    /// The residual in the same measure that rounding errors leave of |A||x| + |b|.
+    pub fn round_off<const B: usize>(&mut self, matrix: &BlockMatrix<B>, rhs: &[f64], x: &[f64]) -> f64 {
+        self.scratch.resize(rhs.len(), 0.0);
+        matrix.multiply_magnitudes(x, &mut self.scratch);
+        self.scratch.iter_mut().zip(rhs).for_each(|(terms, b)| *terms += b.abs());
+        ROUND_OFF * largest(&component_norms::<B>(&self.weights, &self.scratch))
+    }
+}
+
+/// The largest norm; one that is no number counts as largest.
+fn largest<const B: usize>(norms: &[f64; B]) -> f64 {
+    norms.iter().fold(0.0, |largest, &norm| if norm <= largest { largest } else { norm })
 }
 
 /// 2-norm of w v for each component of the blocks.

@@ -130,6 +130,11 @@ impl<const B: usize> Solver<B> {
             if report.residual <= self.options.tolerance {
                 return Ok(report);
             }
+            let as_good_as_can_be =
+                attempt != Attempt::Kept && report.residual <= self.norm.round_off(matrix, rhs, x);
+            if as_good_as_can_be {
+                return Ok(report);
+            }
         }
         let residual = report.residual;
         Err(Error::Linear(format!(
