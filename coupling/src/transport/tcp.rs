@@ -131,6 +131,8 @@ impl Channel for Tcp {
     }
 
     fn send(&mut self, header: &Header, mut payload: Loan) -> Result<(), PeerError> {
+        // Grains that speak first may have a solver that has just connected.
+        self.accept(LOOK)?;
         write(&self.writer, header, payload.payload_mut()).map_err(|error| match is_wait(&error) {
             true => PeerError::Silent { seconds: self.silence.as_secs_f64() },
             false => broken(error),
