@@ -138,7 +138,7 @@ fn slip_decays_by_the_exact_factor_of_each_scheme() {
 }
 
 fn heat_properties(conductivity: f64) -> HeatProperties {
-    let scalar = Scalar { capacity: 3.0 * 1000.0, conductivity, thin_cell: None };
+    let scalar = Scalar { capacity: 3.0 * 1000.0, conductivity, thin_cell: None, lumped: true };
     HeatProperties { scalar, expansion: 0.0, reference: 0.0 }
 }
 
@@ -243,7 +243,7 @@ fn a_grain_cools_in_a_stream_as_ranz_and_marshall_say() {
         .flow("bottom", FlowCondition::Slip)
         .flow("top", FlowCondition::Slip)
         .flow("right", OPEN);
-    let scalar = Scalar { capacity: 1.1854 * 1007.0, conductivity: 0.026, thin_cell: None };
+    let scalar = Scalar { capacity: 1.1854 * 1007.0, conductivity: 0.026, thin_cell: None, lumped: true };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 298.15 });
     set.conditions[0].heat = HeatCondition::Temperature(298.15);
     let mesh = grid([0.4, 0.2], [8, 4]);

@@ -73,7 +73,7 @@ fn errors(squares: usize) -> [f64; 3] {
     let volume = mesh.nodal_volume();
     let mut set = FluidSet::new(1.0, 1.0);
     set.numerics.newton = 2;
-    let scalar = Scalar { capacity: 1.0, conductivity: 1.0, thin_cell: None };
+    let scalar = Scalar { capacity: 1.0, conductivity: 1.0, thin_cell: None, lumped: true };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
     let start = State {
         velocity: points.iter().map(|x| velocity(*x)).collect(),
