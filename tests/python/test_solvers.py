@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import problem, scatter
 from voidage.cells import Cells
 from voidage.solver import (
     Condition,
@@ -19,6 +18,8 @@ from voidage.solver import (
     Step,
     Velocity,
 )
+
+from conftest import problem, scatter
 
 WARM = Heat(capacity=1.5, conductivity=0.1, expansion=0.0, reference=300.0)
 

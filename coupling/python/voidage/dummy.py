@@ -6,10 +6,9 @@ Copy this file to begin a solver of your own: keep the class, and let ``solve`` 
 from time import perf_counter
 
 import numpy as np
-
-from .cells import Cells
-from .pieces import PieceSums
-from .solver import AtGrains, Fields, Problem, Report, Solver, Step
+from voidage.cells import Cells
+from voidage.pieces import PieceSums
+from voidage.solver import AtGrains, Fields, Problem, Report, Solver, Step
 
 STREAM = 0.1  # m/s against gravity
 

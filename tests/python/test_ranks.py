@@ -1,0 +1,48 @@
+"""FEniCSx under mpirun: the solution does not depend on the number of ranks."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from voidage.solver import Condition, NoSlip, Open, Step
+
+from conftest import problem, scatter
+
+
+def solve() -> np.ndarray:
+    """Velocity and pressure after one step of a box of grains, all of them in a corner of it."""
+    from voidage.fenicsx import FEniCSx
+
+    box, rng = problem(6, 2, gravity=np.array([0.0, -9.81])), np.random.default_rng(3)
+    grains, pieces, voidage = scatter(rng, box.points, box.cells, within=10)
+    conditions = [Condition(name, NoSlip()) for name in box.boundaries]
+    conditions[3] = Condition("y1", Open(0.0))
+    solver = FEniCSx()
+    solver.set_mesh(box)
+    solver.solve(Step(0.1, conditions, voidage, grains, pieces))
+    solver.accept()
+    return np.column_stack((solver.fields().velocity, solver.fields().pressure))
+
+
+def test_two_ranks_find_what_one_finds(tmp_path):
+    pytest.importorskip("dolfinx")
+    if shutil.which("mpirun") is None:
+        pytest.skip("there is no mpirun")
+    root = ["--allow-run-as-root"] if os.geteuid() == 0 else []
+    command = ["mpirun", *root, "--oversubscribe", "-n", "2", sys.executable, __file__, tmp_path]
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_"))}
+    env |= {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run(command, check=True, timeout=120, env=env)
+    one = solve()
+    for rank in range(2):
+        two = np.load(tmp_path / f"{rank}.npy")
+        np.testing.assert_allclose(two, one, atol=1e-11 * np.abs(one).max())
+
+
+if __name__ == "__main__":
+    from mpi4py import MPI
+
+    np.save(f"{sys.argv[1]}/{MPI.COMM_WORLD.rank}.npy", solve())
