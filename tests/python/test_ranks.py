@@ -14,7 +14,7 @@ from conftest import problem, scatter
 
 
 def solve() -> np.ndarray:
-    """Velocity, pressure and temperature after one step of a box of grains, all of them in a corner of it."""
+    """Velocity, pressure and temperature after one step, all grains in a corner of the box."""
     from voidage.fenicsx import FEniCSx
 
     box, rng = problem(6, 2, gravity=np.array([0.0, -9.81])), np.random.default_rng(3)
