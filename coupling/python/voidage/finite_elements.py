@@ -43,7 +43,9 @@ class FiniteElements(Solver):
 
     def solve(self, step: Step) -> tuple[AtGrains, Report]:
         report, start = Report(), perf_counter()
-        sums = None if step.grains is None else PieceSums(self.cells, step.pieces, step.grains)
+        sums = None
+        if step.grains is not None and len(step.pieces.cell) > 0:
+            sums = PieceSums(self.cells, step.pieces, step.grains)
         temperature = None if self.problem.heat is None else self._energy(step, sums, report)
         report.heat_s = perf_counter() - start
         data = self._flow_data(step, sums, temperature)
