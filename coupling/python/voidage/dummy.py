@@ -26,7 +26,7 @@ class Dummy(Solver):
         upward = -weight / (np.linalg.norm(weight) or 1.0)
         velocity = np.tile(STREAM * upward, (len(self.problem.points), 1))
         self.next = Fields(velocity, self.problem.points @ weight, self.state.temperature)
-        report = Report(flow_s=perf_counter() - start)
+        report = Report(np.zeros_like(weight), flow_s=perf_counter() - start)
         if step.grains is None:
             none = np.zeros((0, self.problem.dimension))
             return AtGrains(none, none), report

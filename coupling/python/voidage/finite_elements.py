@@ -42,7 +42,7 @@ class FiniteElements(Solver):
         return self.state
 
     def solve(self, step: Step) -> tuple[AtGrains, Report]:
-        report, start = Report(), perf_counter()
+        report, start = Report(np.zeros(self.problem.dimension)), perf_counter()
         sums = None
         if step.grains is not None and len(step.pieces.cell) > 0:
             sums = PieceSums(self.cells, step.pieces, step.grains)
