@@ -1,0 +1,241 @@
+"""The fluid in FEniCSx: volume-averaged Navier-Stokes with heat, stabilised P1-P1 elements.
+
+    <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v>
+        - <eps rho g (1 - beta (T - T_R)), v>
+        + sum_e xi <R_u, (U . grad) v>_e + sum_e rho xi_c <R_p, div v>_e = <<sigma n, v>>
+    <div(phi v*), q> + <div(eps u), q> + sum_e (xi / rho) <R_u, grad q>_e = 0
+    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S>
+        + sum_e xi_T <R_T, U . grad S>_e = boundary heat
+
+Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more
+often; U is u_n at the centroid. The energy is solved first, with u_n. The terms of the grains come
+from :mod:`voidage.pieces`.
+"""
+
+from typing import Literal
+
+# fenicsx_linear starts PETSc, so it comes before dolfinx.
+from .fenicsx_linear import Blocks, Layout, Linear  # isort: skip
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from ufl import div, dot, grad, inner, transpose
+
+from . import compat
+from .boundary import hold_flow, hold_heat
+from .finite_elements import FiniteElements, FlowData
+from .pieces import PieceSums
+from .solver import Condition, Floats, Newton, Open, OpenHeat, Problem, Report, Step
+
+QUADRATURE = {"quadrature_degree": 4}
+"""For cells and for facets, where it matters: the upwind terms are no polynomials."""
+
+
+class FEniCSx(FiniteElements):
+    """The solver on one mesh. Unknowns of a node are a block of D + 1, the pressure last.
+
+    Parameters
+    ----------
+    linear
+        ``direct``: MUMPS with one step of iterative refinement. ``iterative``: GMRES, for the flow
+        with a Schur complement of the velocity, multigrid (hypre) in every block.
+    """
+
+    def __init__(self, linear: Literal["direct", "iterative"] = "direct"):
+        self.comm, self.linear = MPI.COMM_WORLD, linear
+
+    def set_mesh(self, problem: Problem) -> None:
+        super().set_mesh(problem)
+        domain = compat.create_mesh(self.comm, problem.cells, problem.points)
+        self.layout = layout = Layout(domain, problem)
+        self.dx = ufl.dx(domain=domain, metadata=QUADRATURE)
+        self.normal = ufl.FacetNormal(domain)
+        self.part = {name: k for k, name in enumerate(problem.boundaries)}
+        tags = layout.facet_tags(problem)
+        self.ds = ufl.ds(domain=domain, subdomain_data=tags, metadata=QUADRATURE)
+        self.time_step = fem.Constant(domain, 1.0)
+        self.eps, self.old = layout.nodal(), layout.nodal(problem.dimension)
+        self.systems: dict[tuple, FlowSystem | HeatSystem] = {}
+
+    def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
+        kinds = tuple((c.boundary, _transfers_heat(c)) for c in step.conditions)
+        system = self._system(HeatSystem, kinds, step)
+        U, xi = self.heat_stabilisation(step.dt)
+        system.fill(step, self.state.temperature, xi[:, None] * U)
+        blocks = None
+        if sums is not None and sums.heated:
+            blocks = Blocks(sums.cells, *sums.energy(U, xi))
+        T, _ = system.linear.solve(blocks, *hold_heat(self.problem, step.conditions), report)
+        return T[:, 0]
+
+    def _flow(
+        self, step: Step, sums: PieceSums | None, data: FlowData, about: Floats, report: Report
+    ) -> tuple[Floats, Floats]:
+        kinds = tuple((c.boundary, isinstance(c.flow, Open)) for c in step.conditions)
+        system = self._system(FlowSystem, kinds, step)
+        system.fill(step, data, about)
+        blocks = None
+        if sums is not None:
+            grains = sums.flow(data.stabilisation, self.problem.density, data.weight)
+            blocks = Blocks(sums.cells, *grains)
+        x, report.residual = system.linear.solve(blocks, *hold_flow(self.problem, step), report)
+        return x[:, :-1].copy(), x[:, -1].copy()
+
+    def _system(self, make, kinds: tuple, step: Step):
+        """The forms for these kinds of conditions, made once; fills in what all have in common."""
+        key = make, kinds, step.sources is not None
+        if key not in self.systems:
+            self.systems[key] = make(self, kinds, step.sources is not None)
+        self.time_step.value = step.dt
+        self.layout.fill(self.eps, step.voidage)
+        self.layout.fill(self.old, self.state.velocity)
+        return self.systems[key]
+
+
+class FlowSystem:
+    """Forms of momentum and mass for one set of open boundaries."""
+
+    def __init__(self, solver: FEniCSx, kinds: tuple[tuple[str, bool], ...], sources: bool):
+        problem, layout, dx, ds, n = (
+            solver.problem,
+            solver.layout,
+            solver.dx,
+            solver.ds,
+            solver.normal,
+        )
+        D, self.layout = problem.dimension, layout
+        mixed = compat.space(layout.domain, "CG", 1, D + 1)
+        trial, test = ufl.TrialFunction(mixed), ufl.TestFunction(mixed)
+        u, p = ufl.as_vector([trial[i] for i in range(D)]), trial[D]
+        v, q = ufl.as_vector([test[i] for i in range(D)]), test[D]
+        dt, eps, old = solver.time_step, solver.eps, solver.old
+        rho, eta, thin = (
+            fem.Constant(layout.domain, value)
+            for value in (problem.density, problem.viscosity, problem.thin_cell_drag)
+        )
+        self.at, self.weight, self.solid_flux = (layout.nodal(D) for _ in range(3))
+        self.share, self.xi, self.xi_c = layout.nodal(), layout.cellwise(), layout.cellwise()
+        self.xi_U, self.source_u, self.source_p = (
+            layout.cellwise(D),
+            layout.nodal(D),
+            layout.nodal(),
+        )
+        self.pressure = {
+            name: fem.Constant(layout.domain, 0.0) for name, is_open in kinds if is_open
+        }
+        at, xi, xi_c, xi_U = self.at, self.xi, self.xi_c, self.xi_U
+
+        rate = eps * rho * (u / dt + dot(grad(u), at) + dot(grad(at), u)) + thin * u
+        strain = grad(u) + transpose(grad(u))
+        residual = rate + grad(p) - eta * dot(strain, grad(eps))
+        weighed = dot(grad(v), xi_U) + xi / rho * grad(q)
+        matrix = (
+            dot(rate, v)
+            + eps * eta * inner(strain, grad(v))
+            - p * div(v)
+            - eps * dot(u, grad(q))
+            + dot(residual, weighed)
+            + rho * xi_c * div(eps * u) * div(v)
+        ) * dx + eps * dot(u, n) * q * ds
+        force = eps * rho * (old / dt + dot(grad(at), at)) + self.share * self.weight
+        rhs = dot(force, v + weighed) * dx - rho * xi_c * div(self.solid_flux) * div(v) * dx
+        if sources:
+            rhs += (
+                dot(self.source_u, v + weighed) * dx
+                + self.source_p * (q + rho * xi_c * div(v)) * dx
+            )
+        for name, outside in self.pressure.items():
+            part = ds(solver.part[name])
+            matrix -= rho * eps * ufl.min_value(dot(old, n), 0) * dot(u, v) * part
+            rhs -= outside * dot(n, v) * part
+        self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative")
+
+    def fill(self, step: Step, data: FlowData, about: Floats) -> None:
+        """Takes the coefficients of a Newton step."""
+        nodal = [
+            (self.at, about),
+            (self.weight, data.weight),
+            (self.share, data.share),
+            (self.solid_flux, data.solid_flux),
+        ]
+        if step.sources is not None:
+            nodal += [(self.source_u, step.sources.momentum), (self.source_p, step.sources.mass)]
+        for field, values in nodal:
+            self.layout.fill(field, values)
+        tau = data.stabilisation
+        self.layout.fill_cells(self.xi, tau.time)
+        self.layout.fill_cells(self.xi_c, tau.incompressibility)
+        self.layout.fill_cells(self.xi_U, tau.time[:, None] * tau.direction)
+        for condition in step.conditions:
+            if isinstance(condition.flow, Open):
+                self.pressure[condition.boundary].value = condition.flow.pressure
+
+
+class HeatSystem:
+    """Forms of the energy equation for one set of boundaries that exchange heat."""
+
+    def __init__(self, solver: FEniCSx, kinds: tuple[tuple[str, type | None], ...], sources: bool):
+        layout, dx, ds, n, heat = (
+            solver.layout,
+            solver.dx,
+            solver.ds,
+            solver.normal,
+            solver.problem.heat,
+        )
+        self.layout = layout
+        T, S = ufl.TrialFunction(layout.space), ufl.TestFunction(layout.space)
+        dt, eps, u = solver.time_step, solver.eps, solver.old
+        C, k, wall, wall_T = (
+            fem.Constant(layout.domain, value)
+            for value in (
+                heat.capacity,
+                heat.conductivity,
+                heat.wall_coefficient,
+                heat.wall_temperature,
+            )
+        )
+        self.old, self.source = layout.nodal(), layout.nodal()
+        self.xi_U = layout.cellwise(solver.problem.dimension)
+        self.wall = {
+            name: [fem.Constant(layout.domain, 0.0) for _ in range(2)]
+            for name, kind in kinds
+            if kind is not None
+        }
+
+        along = dot(self.xi_U, grad(S))
+        rate = eps * C * (T / dt + dot(u, grad(T))) + wall * T
+        residual = rate - k * dot(grad(eps), grad(T))
+        matrix = (rate * S + eps * k * dot(grad(T), grad(S)) + residual * along) * dx
+        known = eps * C * self.old / dt + wall * wall_T
+        rhs = (known + self.source if sources else known) * (S + along) * dx
+        for name, kind in kinds:
+            if kind is not None:
+                coefficient, outside = self.wall[name]
+                if kind is OpenHeat:
+                    coefficient = -C * eps * ufl.min_value(dot(u, n), 0)
+                matrix += coefficient * T * S * ds(solver.part[name])
+                rhs += coefficient * outside * S * ds(solver.part[name])
+        self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative")
+
+    def fill(self, step: Step, old: Floats, xi_U: Floats) -> None:
+        """Takes the coefficients of a step."""
+        self.layout.fill(self.old, old)
+        self.layout.fill_cells(self.xi_U, xi_U)
+        if step.sources is not None:
+            self.layout.fill(self.source, step.sources.heat)
+        for condition in step.conditions:
+            if condition.boundary in self.wall:
+                coefficient, outside = self.wall[condition.boundary]
+                outside.value = condition.heat.temperature
+                if isinstance(condition.heat, Newton):
+                    coefficient.value = condition.heat.coefficient
+
+
+def _transfers_heat(condition: Condition) -> type | None:
+    """The kind of a condition that adds a term to the energy equation."""
+    match condition.heat:
+        case Newton():
+            return Newton
+        case OpenHeat(temperature) if temperature is not None:
+            return OpenHeat
+    return None
