@@ -1,0 +1,41 @@
+//! Errors of Rust as exceptions, and exceptions on their way through Rust.
+
+use pyo3::exceptions::{PyException, PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+use voidage_coupling::Error;
+
+/// The exception of an error: `ValueError` for wrong input, `RuntimeError` for a run that failed.
+pub fn exception(error: &Error) -> PyErr {
+    let text = error.to_string();
+    if error.is_input() { PyValueError::new_err(text) } else { PyRuntimeError::new_err(text) }
+}
+
+/// The exception that a solver or scheme in Python raised last, while its text is on the way as an error of Rust.
+#[derive(Clone, Default)]
+pub struct Raised(Arc<Mutex<Option<PyErr>>>);
+
+impl Raised {
+    /// Keeps an exception; the error of Rust has its text.
+    pub fn keep(&self, py: Python<'_>, exception: PyErr) -> Error {
+        let error = Error::Run(exception.to_string());
+        *self.slot() = Some(exception.clone_ref(py));
+        error
+    }
+
+    /// The exception of an error that may come from Python: its cause is then what was raised there. Interrupts are
+    /// raised as they are.
+    pub fn exception(&self, py: Python<'_>, error: &Error) -> PyErr {
+        let Some(cause) = self.slot().take() else { return exception(error) };
+        if !cause.is_instance_of::<PyException>(py) {
+            return cause;
+        }
+        let outer = exception(error);
+        outer.set_cause(py, Some(cause));
+        outer
+    }
+
+    fn slot(&self) -> std::sync::MutexGuard<'_, Option<PyErr>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
