@@ -12,6 +12,8 @@ mod run;
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
+use voidage_coupling::transport::Address;
 use voidage_coupling::{Error, Result};
 
 /// Discrete grains in a finite element fluid.
@@ -44,6 +46,15 @@ enum Command {
     },
     /// Print all keys of a scene with their meaning, units and defaults, as JSON schema.
     Schema,
+    /// Solve the fluid of a run in another process, with the Rust solver.
+    Serve {
+        /// Where the run is: `shm:NAME` or `tcp:HOST:PORT`.
+        #[arg(long, value_name = "ADDRESS")]
+        connect: Address,
+        /// How long the run may take to be there, s.
+        #[arg(long, value_name = "S", default_value_t = 60.0)]
+        wait: f64,
+    },
     /// Say whether this machine has what the program needs.
     Doctor,
 }
@@ -77,6 +88,12 @@ fn perform(command: Command) -> Result<u8> {
         }
         Command::Schema => {
             println!("{:#}", voidage_coupling::scene::json_schema());
+            Ok(0)
+        }
+        Command::Serve { connect, wait } => {
+            let wait = Duration::try_from_secs_f64(wait)
+                .map_err(|error| Error::Input(format!("--wait {wait}: {error}")))?;
+            voidage_coupling::serve::serve(&connect, wait)?;
             Ok(0)
         }
         Command::Doctor => doctor::doctor(),

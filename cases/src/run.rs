@@ -9,8 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use tracing::{info, warn};
-use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
-use voidage_coupling::scene::Scene;
+use voidage_coupling::launch::Host;
+use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary, create_folder};
+use voidage_coupling::scene::{Scene, Solver};
 use voidage_coupling::{Error, Result, Simulation, StepReport};
 
 /// Options of `voidage run`.
@@ -33,9 +34,16 @@ pub struct Options {
     /// Coupling scheme, instead of that of the scene.
     #[arg(long)]
     scheme: Option<String>,
-    /// Fluid solver: rust.
-    #[arg(long, default_value = "rust")]
-    fluid: String,
+    /// Fluid solver, instead of that of the scene: rust; in a process of its own serve (the same), fenicsx, scikit-fem
+    /// or python:MODULE; or one that is started by hand, attach:ADDRESS (shm:NAME or tcp:HOST:PORT).
+    #[arg(long)]
+    fluid: Option<String>,
+    /// How frames reach the process of the fluid solver: shm or tcp.
+    #[arg(long)]
+    transport: Option<String>,
+    /// Longest time without a sign of life from the process of the fluid solver, s.
+    #[arg(long, value_name = "S")]
+    timeout: Option<f64>,
     /// No bar, few lines.
     #[arg(long)]
     pub quiet: bool,
@@ -43,20 +51,34 @@ pub struct Options {
 
 /// Runs a scene; the number is the exit code.
 pub fn run(options: &Options) -> Result<u8> {
-    if options.fluid != "rust" {
-        return Err(Error::Input(format!(
-            "--fluid {}: this fluid solver is not available in this version\n  help: use --fluid rust",
-            options.fluid
-        )));
-    }
-    let mut sets = options.sets.clone();
-    sets.extend(options.scheme.iter().map(|scheme| format!("coupling.scheme={scheme:?}")));
-    let scene = Scene::read(&options.scene, &sets)?;
+    let scene = Scene::read(&options.scene, &sets(options)?)?;
     let threads = start_threads(options.threads)?;
     let interrupted = catch_interrupts()?;
     let mut run = Run::new(&scene, options, threads)?;
     let outcome = run.steps(&interrupted, options.quiet);
     run.close(outcome)
+}
+
+/// The options as changes of the scene.
+fn sets(options: &Options) -> Result<Vec<String>> {
+    let mut sets = options.sets.clone();
+    sets.extend(options.scheme.iter().map(|scheme| format!("coupling.scheme={scheme:?}")));
+    if let Some(name) = &options.fluid {
+        let Some(solver) = Solver::named(name) else {
+            return Err(Error::Input(format!(
+                "--fluid {name}: there is no such fluid solver\n  \
+                 help: use rust, serve, fenicsx, scikit-fem, python:MODULE or attach:ADDRESS"
+            )));
+        };
+        sets.push(match solver {
+            Solver::Python(module) => format!("fluid.backend.solver={{python={module:?}}}"),
+            Solver::Attach(address) => format!("fluid.backend.solver={{attach={address:?}}}"),
+            named => format!("fluid.backend.solver={:?}", named.name()),
+        });
+    }
+    sets.extend(options.transport.iter().map(|transport| format!("fluid.backend.transport={transport:?}")));
+    sets.extend(options.timeout.iter().map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
+    Ok(sets)
 }
 
 /// The default folder of results: `out/bubbling-bed` for `cases/bubbling-bed/scene.toml`.
@@ -109,16 +131,19 @@ impl Run {
         let started = Instant::now();
         let folder = options.out.clone().unwrap_or_else(|| default_folder(&options.scene));
         let hash = scene.hash()?;
+        create_folder(&folder)?;
+        let program = std::env::current_exe().unwrap_or(Host::default().program);
+        let host = Host { program, log: folder.join("solver.log") };
         let (simulation, recording) = match &options.restart {
             None => {
-                let mut simulation = Simulation::new(scene)?;
+                let mut simulation = Simulation::hosted(scene, &host)?;
                 simulation.refresh()?;
                 let recording = Recording::start(&folder, scene, &simulation.view(), &simulation.readings())?;
                 (simulation, recording)
             }
             Some(file) => {
                 let checkpoint = Checkpoint::read(file, &hash)?;
-                let mut simulation = Simulation::restart(scene, &checkpoint)?;
+                let mut simulation = Simulation::hosted(scene, &host)?.restart(&checkpoint)?;
                 simulation.refresh()?;
                 let (view, readings) = (simulation.view(), simulation.readings());
                 let recording = Recording::resume(&folder, scene, &view, &readings, &checkpoint)?;

@@ -3,6 +3,8 @@
 use crate::backend::{FluidBackend, RustFluid};
 use crate::closure::ThermalFluid;
 use crate::error::{Error, Result};
+use crate::launch::{self, Host};
+use crate::protocol::Setup;
 use crate::scene::{self, Scene};
 use crate::{Coupled, Fluid, Interaction, Laws};
 use std::sync::Arc;
@@ -16,19 +18,19 @@ use voidage_fluid::linear::{Method, Options};
 use voidage_fluid::transport::{Scalar, ThinCellHeat};
 use voidage_fluid::{Mesh, Vector};
 
-/// The system of a plane scene, at time zero.
+/// The system of a plane scene, at time zero; `host` starts a fluid solver in another process, if the scene has one.
 ///
 /// # Errors
 /// Input that only shows when the grains are placed or the mesh is made: a file, a region too small, a
-/// boundary that the mesh lacks.
-pub fn coupled(scene: &Scene) -> Result<Coupled<2>> {
+/// boundary that the mesh lacks; a fluid solver that does not start.
+pub fn coupled(scene: &Scene, host: &Host) -> Result<Coupled<2>> {
     if scene.dimension() != 2 {
         return Err(Error::Input(
             "scenes in space (3D) are not built yet; give `gravity` two numbers".into(),
         ));
     }
     let grains = if scene.grains.is_empty() { None } else { Some(grains(scene)?) };
-    let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid)).transpose()?;
+    let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid, host)).transpose()?;
     let coupling = scene.coupling.clone().unwrap_or_default();
     let interaction = match (&grains, &fluid, &scene.fluid) {
         (Some(grains), Some(fluid), Some(described)) => {
@@ -234,7 +236,7 @@ fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {
 
 // ----------------------------------------------------------------------------------------------- fluid
 
-fn fluid(scene: &Scene, described: &scene::Fluid) -> Result<Fluid<2>> {
+fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2>> {
     let mesh = Arc::new(mesh(scene, described)?);
     let conditions: Vec<Condition<2>> = described.boundaries.iter().map(condition).collect();
     let nodes = mesh.points.len();
@@ -243,15 +245,27 @@ fn fluid(scene: &Scene, described: &scene::Fluid) -> Result<Fluid<2>> {
         pressure: vec![0.0; nodes],
         temperature: described.heat.as_ref().map(|heat| vec![heat.initial_temperature; nodes]),
     };
-    let mut backend = RustFluid::<2, 3>::new(
-        properties(scene, described),
-        heat(described),
-        numerics(described),
-        conditions.clone(),
-    );
+    let mut backend = backend(scene, described, &conditions, host)?;
     backend.start(&mesh, &start)?;
     let nodal_volume = mesh.nodal_volume();
-    Ok(Fluid { backend: Box::new(backend), mesh, conditions, ramp: described.ramp, nodal_volume })
+    Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume })
+}
+
+fn backend(
+    scene: &Scene,
+    described: &scene::Fluid,
+    conditions: &[Condition<2>],
+    host: &Host,
+) -> Result<Box<dyn FluidBackend<2>>> {
+    let (properties, heat) = (properties(scene, described), heat(described));
+    let (numerics, conditions) = (numerics(described), conditions.to_vec());
+    match &described.backend {
+        Some(backend) if backend.solver != scene::Solver::Rust => {
+            let setup = Setup::new(properties, heat, numerics, conditions);
+            Ok(Box::new(launch::remote(backend, host, &setup)?))
+        }
+        _ => Ok(Box::new(RustFluid::<2, 3>::new(properties, heat, numerics, conditions))),
+    }
 }
 
 fn mesh(scene: &Scene, described: &scene::Fluid) -> Result<Mesh<2>> {

@@ -29,13 +29,42 @@ pub enum Error {
         /// What the system answered.
         source: io::Error,
     },
+    /// The process at the other end of a channel.
+    #[error(transparent)]
+    Peer(#[from] PeerError),
     /// The run cannot go on.
     #[error("{0}")]
     Run(String),
 }
 
+/// What can go wrong with a process at the other end of a channel.
+#[derive(Debug, thiserror::Error)]
+pub enum PeerError {
+    /// It has ended, or was killed.
+    #[error("it is gone")]
+    Gone,
+    /// It is there and says nothing.
+    #[error(
+        "it has been silent for {seconds} s: it hangs, or a step takes longer than the time-out\n  \
+         help: `--timeout S` allows S seconds without a sign of life"
+    )]
+    Silent {
+        /// How long, s.
+        seconds: f64,
+    },
+    /// It reports an error of its own, in its own words.
+    #[error("it reports: {0}")]
+    Failed(String),
+    /// It sent something that is no frame of this protocol.
+    #[error("it sent what this version of voidage does not understand: {0}")]
+    Protocol(String),
+    /// The channel cannot be opened or used; the text says why and what to do.
+    #[error("{0}")]
+    Channel(String),
+}
+
 /// Result of the coupling.
-pub type Result<T> = std::result::Result<T, Error>;
+pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
     /// Whether the input is wrong (exit code 2) rather than the run (exit code 1).

@@ -7,13 +7,19 @@ pub mod backend;
 pub mod build;
 pub mod closure;
 pub mod error;
+pub mod launch;
 pub mod overlap;
+pub mod peer;
+pub mod protocol;
 pub mod recorder;
+pub mod remote;
 pub mod scene;
 pub mod scheme;
+pub mod serve;
 pub mod simulation;
+pub mod transport;
 
-pub use error::{Error, Result};
+pub use error::{Error, PeerError, Result};
 pub use scene::Scene;
 pub use simulation::Simulation;
 

@@ -1,6 +1,7 @@
 //! A scene in motion: what the program, the tests and the recorder drive.
 
 use crate::error::Result;
+use crate::launch::Host;
 use crate::recorder::{Checkpoint, FluidView, GrainView, View};
 use crate::scene::Scene;
 use crate::{Coupled, Phases, StepReport, build};
@@ -67,20 +68,27 @@ impl Simulation {
     /// # Errors
     /// Those of [`build::coupled`].
     pub fn new(scene: &Scene) -> Result<Self> {
-        let coupled = build::coupled(scene)?;
+        Self::hosted(scene, &Host::default())
+    }
+
+    /// The scene at time zero, with a fluid solver in another process started by `host`, if the scene has one.
+    ///
+    /// # Errors
+    /// Those of [`build::coupled`].
+    pub fn hosted(scene: &Scene, host: &Host) -> Result<Self> {
+        let coupled = build::coupled(scene, host)?;
         let bed_weight_per_area = bed_weight_per_area(&coupled);
         let (last, totals) = (StepReport::default(), Totals::default());
         Ok(Self { coupled, dt: scene.time.step, fields: None, last, totals, bed_weight_per_area })
     }
 
-    /// The scene at a checkpoint.
+    /// The same at a checkpoint.
     ///
     /// # Errors
-    /// Those of [`build::coupled`], and a checkpoint that does not fit the scene.
-    pub fn restart(scene: &Scene, checkpoint: &Checkpoint) -> Result<Self> {
-        let mut simulation = Self::new(scene)?;
+    /// A checkpoint that does not fit the scene, a fluid solver that cannot be reached.
+    pub fn restart(mut self, checkpoint: &Checkpoint) -> Result<Self> {
         let state: State = checkpoint.state()?;
-        let coupled = &mut simulation.coupled;
+        let coupled = &mut self.coupled;
         coupled.set_time(state.time, state.steps);
         if let (Some(grains), Some(state)) = (&mut coupled.grains, state.grains) {
             grains.restore(state)?;
@@ -91,7 +99,7 @@ impl Simulation {
         if let (Some(interaction), Some(at)) = (&mut coupled.interaction, state.at) {
             interaction.at = at;
         }
-        Ok(simulation)
+        Ok(self)
     }
 
     /// The coupled system.

@@ -1,6 +1,6 @@
 //! The tables of the fluid, its boundaries, and its coupling to the grains.
 
-use super::Coordinates;
+use super::{Backend, Coordinates};
 use crate::closure::{Drag, HeatTransfer, VoidageFunction};
 use crate::scheme::SchemeName;
 use schemars::JsonSchema;
@@ -36,6 +36,9 @@ pub struct Fluid {
     /// How the equations are solved. Default: the defaults of its keys.
     #[serde(default)]
     pub solver: FluidSolver,
+    /// Which program solves them. Default: the Rust solver in the process of the grains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backend: Option<Backend>,
 }
 
 /// Where the mesh comes from.

@@ -93,13 +93,14 @@ impl Scene {
         toml::to_string(self).map_err(|error| Error::Run(format!("cannot write the scene as TOML: {error}")))
     }
 
-    /// A hash (blake3, hexadecimal) of all that decides the course of the run: the scene without its title, its end and
-    /// its output, and the content of the files it names. Equal hashes: a checkpoint of one restarts the other.
+    /// A hash (blake3, hexadecimal) of all that decides the course of the run: the scene without its title, its end,
+    /// its output and the program that solves the fluid, and the content of the files it names. Equal hashes: a checkpoint of one restarts the other.
     pub fn hash(&self) -> Result<String> {
         let mut bare = self.clone();
         bare.title = String::new();
         bare.time.end = 0.0;
         bare.output = super::Output::default();
+        bare.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
         let mut hasher = blake3::Hasher::new();
         for file in bare.files_mut() {
             hasher.update(&fs::read(&*file).map_err(|error| Error::file(file, "read", error))?);

@@ -4,6 +4,7 @@
 //! `voidage schema` prints them. Physics that a scene does not mention is off: no `[[grains]]`, no grains; no
 //! `[fluid]`, no mesh; no `[fluid.heat]`, no temperature in the fluid.
 
+mod backend;
 mod check;
 mod edit;
 mod fluid;
@@ -15,6 +16,7 @@ mod schema;
 #[cfg(test)]
 mod tests;
 
+pub use backend::{Backend, Solver, Transport};
 pub use fluid::{
     Boundary, Coupling, Flow, Fluid, FluidHeat, FluidSolver, HeatBoundary, LinearMethod, MeshSource,
     ThinCell, ThinCellHeat,

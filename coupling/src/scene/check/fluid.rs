@@ -1,7 +1,8 @@
 //! Checks of the fluid, its mesh and its boundaries.
 
 use super::{Checked, coordinates, fail, known, not_negative, positive};
-use crate::scene::{Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, Scene};
+use crate::scene::{Backend, Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, Scene, Solver};
+use crate::transport::Address;
 use voidage_fluid::mesh::{Rectangle, Sides};
 
 pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
@@ -15,6 +16,9 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
         check_heat(scene, heat)?;
     }
     check_thin_cell(scene, fluid)?;
+    if let Some(backend) = &fluid.backend {
+        check_backend(scene, backend)?;
+    }
     positive(scene, "fluid.solver.tolerance", fluid.solver.tolerance)?;
     positive(scene, "fluid.solver.newton", fluid.solver.newton as f64)?;
     for (i, boundary) in fluid.boundaries.iter().enumerate() {
@@ -51,6 +55,34 @@ fn check_thin_cell(scene: &Scene, fluid: &Fluid) -> Checked {
     }
     not_negative(scene, "fluid.thin_cell.heat.coefficient", heat.coefficient)?;
     positive(scene, "fluid.thin_cell.heat.temperature", heat.temperature)
+}
+
+fn check_backend(scene: &Scene, backend: &Backend) -> Checked {
+    if let Some(timeout) = backend.timeout {
+        positive(scene, "fluid.backend.timeout", timeout)?;
+    }
+    let name = backend.solver.name();
+    let (started, other) = match &backend.solver {
+        Solver::Rust => (false, false),
+        Solver::Attach(address) => {
+            if let Err(message) = address.parse::<Address>() {
+                return fail(scene, "fluid.backend.solver", message, "for example attach:shm:my-run");
+            }
+            (false, true)
+        }
+        _ => (true, true),
+    };
+    if backend.transport.is_some() && !started {
+        let message = format!("`fluid.backend.transport` is there, but the solver {name} is not started here");
+        let help = "take it away, or choose a solver in a process of its own, such as serve";
+        return fail(scene, "fluid.backend.transport", message, help);
+    }
+    if backend.timeout.is_some() && !other {
+        let message = format!("`fluid.backend.timeout` is there, but the solver {name} is in this process");
+        let help = "take it away, or choose a solver in a process of its own, such as serve";
+        return fail(scene, "fluid.backend.timeout", message, help);
+    }
+    Ok(())
 }
 
 fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary) -> Checked {

@@ -1,0 +1,189 @@
+//! Fluid solvers as processes: which command starts them, and what became of them.
+
+use crate::error::{Error, PeerError, Result};
+use crate::protocol::Setup;
+use crate::remote::RemoteFluid;
+use crate::scene::{Backend, Solver, Transport};
+use crate::transport::{self, Address};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long a solver may take to end after the farewell, or after it has died.
+const END: Duration = Duration::from_secs(2);
+/// Lines of the log that an error shows.
+const LAST_LINES: usize = 15;
+
+/// Where solvers are started from.
+#[derive(Clone, Debug)]
+pub struct Host {
+    /// The program `voidage`, which serves the Rust solver.
+    pub program: PathBuf,
+    /// The file that gets the output of the solver.
+    pub log: PathBuf,
+}
+
+impl Default for Host {
+    /// The program that `PATH` finds, and `solver.log` in the current folder.
+    fn default() -> Self {
+        Self { program: "voidage".into(), log: "solver.log".into() }
+    }
+}
+
+/// The solver that a scene asks for, started if need be and connected.
+///
+/// # Errors
+/// It cannot be started, or does not come.
+pub fn remote<const D: usize>(backend: &Backend, host: &Host, setup: &Setup<D>) -> Result<RemoteFluid<D>> {
+    let timeout = Duration::from_secs_f64(backend.timeout());
+    let name = backend.solver.name();
+    if let Solver::Attach(address) = &backend.solver {
+        let address: Address = address.parse().map_err(Error::Input)?;
+        let (channel, _) = transport::listen(&address)?;
+        return RemoteFluid::new(channel, None, name, timeout, setup);
+    }
+    let address = match backend.transport.unwrap_or_default() {
+        Transport::Shm => Address::unique(),
+        Transport::Tcp => Address::any_port(),
+    };
+    let (channel, address) = transport::listen(&address)?;
+    let process = Process::start(command(&backend.solver, host, &address), &host.log)?;
+    RemoteFluid::new(channel, Some(process), name, timeout, setup)
+}
+
+/// The command that starts a solver.
+fn command(solver: &Solver, host: &Host, address: &Address) -> Command {
+    let mut command = match solver {
+        Solver::Fenicsx => python(Path::new("/usr/bin/python3"), &["voidage.fenicsx"]),
+        Solver::ScikitFem => python(&interpreter(), &["voidage.scikit_fem"]),
+        Solver::Python(module) => python(&interpreter(), &["voidage.adapter", module]),
+        Solver::Rust | Solver::Serve | Solver::Attach(_) => {
+            let mut command = Command::new(&host.program);
+            command.arg("serve");
+            command
+        }
+    };
+    command.args(["--connect", &address.to_string()]);
+    command.env("RAYON_NUM_THREADS", rayon::current_num_threads().to_string());
+    command
+}
+
+fn python(interpreter: &Path, module: &[&str]) -> Command {
+    let mut command = Command::new(interpreter);
+    command.arg("-m").args(module);
+    if let Some(folder) = package() {
+        let mut path = folder.into_os_string();
+        if let Some(others) = std::env::var_os("PYTHONPATH") {
+            path.push(":");
+            path.push(others);
+        }
+        command.env("PYTHONPATH", path);
+    }
+    // Threads of BLAS only get in the way of systems of this size.
+    if std::env::var_os("OPENBLAS_NUM_THREADS").is_none() {
+        command.env("OPENBLAS_NUM_THREADS", "1");
+    }
+    command.env("PYTHONUNBUFFERED", "1");
+    command
+}
+
+/// The Python of solvers that need no dolfinx: `$VOIDAGE_PYTHON`, `.venv/bin/python`, or `python3`.
+pub fn interpreter() -> PathBuf {
+    let venv = Path::new(".venv/bin/python");
+    match std::env::var_os("VOIDAGE_PYTHON") {
+        Some(python) => python.into(),
+        None if venv.exists() => venv.into(),
+        None => "python3".into(),
+    }
+}
+
+/// The folder of the Python package `voidage`: `$VOIDAGE_PYTHONPATH`, or `coupling/python` above this folder or the
+/// program; `None` if the interpreter must find it itself.
+pub fn package() -> Option<PathBuf> {
+    if let Some(folder) = std::env::var_os("VOIDAGE_PYTHONPATH") {
+        return Some(folder.into());
+    }
+    let places = [std::env::current_dir().ok(), std::env::current_exe().ok()];
+    let above = places.iter().flatten().flat_map(|place| place.ancestors());
+    above.map(|folder| folder.join("coupling/python")).find(|folder| folder.join("voidage/__init__.py").exists())
+}
+
+/// A solver that was started here. It is ended with this value.
+#[derive(Debug)]
+pub struct Process {
+    child: Child,
+    log: PathBuf,
+}
+
+impl Process {
+    /// Starts a command whose output goes to a log.
+    ///
+    /// # Errors
+    /// The log cannot be written, the command is not there.
+    pub fn start(mut command: Command, log: &Path) -> Result<Self> {
+        let file = File::create(log).map_err(|error| Error::file(log, "write", error))?;
+        let second = file.try_clone().map_err(|error| Error::file(log, "write", error))?;
+        command.stdin(Stdio::null()).stdout(file).stderr(second);
+        // Ctrl-C is for the run, which then says goodbye.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let child = command.spawn().map_err(|error| {
+            Error::Run(format!(
+                "cannot start the fluid solver {}: {error}\n  help: `voidage doctor` says what is missing",
+                command.get_program().display()
+            ))
+        })?;
+        Ok(Self { child, log: log.to_path_buf() })
+    }
+
+    /// Checks that it runs.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn look(&mut self) -> Result<(), PeerError> {
+        match self.child.try_wait() {
+            Ok(Some(_)) => Err(PeerError::Gone),
+            _ => Ok(()),
+        }
+    }
+
+    /// How it ended, if it did, and the last lines of its log.
+    pub fn last_words(&mut self, error: &PeerError) -> String {
+        let mut words = String::new();
+        if matches!(error, PeerError::Gone)
+            && let Some(status) = self.wait(END / 4)
+        {
+            words = format!(" ({status})");
+        }
+        let log = fs::read_to_string(&self.log).unwrap_or_default();
+        let lines: Vec<&str> = log.lines().collect();
+        if !lines.is_empty() {
+            words.push_str(&format!("\nthe last lines of {}:", self.log.display()));
+            let last = &lines[lines.len().saturating_sub(LAST_LINES)..];
+            last.iter().for_each(|line| words.push_str(&format!("\n    {line}")));
+        }
+        words
+    }
+
+    fn wait(&mut self, limit: Duration) -> Option<std::process::ExitStatus> {
+        let start = Instant::now();
+        loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) => return Some(status),
+                _ if start.elapsed() >= limit => return None,
+                _ => std::thread::sleep(Duration::from_millis(5)),
+            }
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        if self.wait(END).is_none() {
+            // Both only fail if it has ended after all.
+            let _ = self.child.kill();
+            let _ = self.child.wait();
+        }
+    }
+}

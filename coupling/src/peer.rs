@@ -1,0 +1,154 @@
+//! The solver's side of a run: what a fluid solver in its own process needs, in any language.
+
+use crate::error::PeerError;
+use crate::protocol::{Greeting, Header, Kind, numbers_for_text, write_text};
+use crate::transport::{self, Address, Channel, Event, Frame, LOOK, Loan, Pulse};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// Time between two signs of life while a request is being answered.
+const BEAT: Duration = Duration::from_millis(200);
+
+/// The connection of a fluid solver to its run. Requests come by [`Peer::receive`], each gets one answer; meanwhile
+/// heartbeats go out from a thread of their own.
+pub struct Peer {
+    channel: Box<dyn Channel>,
+    heart: Heart,
+    /// Number of the run.
+    run: u64,
+    /// Header of the request in hand, which the answer repeats.
+    request: Header,
+}
+
+impl Peer {
+    /// Connects to a run, waiting so long for it to be there, and returns its setup, a JSON text
+    /// ([`crate::protocol::Setup`]). `solver` is the name and version to present oneself with.
+    ///
+    /// # Errors
+    /// There is no such run, or it is of another version.
+    pub fn connect(address: &Address, solver: &str, wait: Duration) -> Result<(Self, String), PeerError> {
+        let channel = transport::connect(address, wait)?;
+        let heart = Heart::start(channel.pulse());
+        let mut peer = Self { channel, heart, run: 0, request: Header::default() };
+        let greeting = serde_json::json!(Greeting::new(solver)).to_string();
+        peer.answer_text(Kind::Hello, &greeting)?;
+        let setup = transport::receive(&mut *peer.channel, wait.max(LOOK), || Ok(()))?;
+        if setup.kind() != Kind::Hello {
+            return Err(PeerError::Protocol(format!("{:?} instead of a hello", setup.kind())));
+        }
+        peer.run = setup.header().run;
+        Ok((peer, setup.text()?))
+    }
+
+    /// Waits for a request, at most for this time; `None` if there is none yet.
+    ///
+    /// # Errors
+    /// The run is gone, or sent what is no frame of this run.
+    pub fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, PeerError> {
+        let start = Instant::now();
+        loop {
+            let left = wait.saturating_sub(start.elapsed());
+            match self.channel.poll(left.min(LOOK))? {
+                Event::Frame(frame) if frame.header().run != self.run => {
+                    let other = frame.header().run;
+                    return Err(PeerError::Protocol(format!("a frame of the run {other:x}")));
+                }
+                Event::Frame(frame) => {
+                    self.request = *frame.header();
+                    self.heart.beat(true);
+                    return Ok(Some(frame));
+                }
+                Event::Heartbeat | Event::Nothing if left.is_zero() => return Ok(None),
+                Event::Heartbeat | Event::Nothing => {}
+            }
+        }
+    }
+
+    /// Memory for the payload of an answer.
+    ///
+    /// # Errors
+    /// There is not enough of it.
+    pub fn loan(&mut self, length: usize) -> Result<Loan, PeerError> {
+        self.channel.loan(length)
+    }
+
+    /// Answers the request in hand. Of the header, kind, columns and length count; the rest is that of the request.
+    ///
+    /// # Errors
+    /// The run is gone.
+    pub fn answer(&mut self, header: &Header, payload: Loan) -> Result<(), PeerError> {
+        self.heart.beat(false);
+        let Header { generation, step, iteration, time, dt, .. } = self.request;
+        let header = Header { run: self.run, generation, step, iteration, time, dt, ..*header };
+        self.channel.send(&header, payload)
+    }
+
+    /// Answers that a mesh or a state has been taken.
+    ///
+    /// # Errors
+    /// The run is gone.
+    pub fn done(&mut self) -> Result<(), PeerError> {
+        let payload = self.loan(0)?;
+        let kind = self.request.kind()?;
+        self.answer(&Header::new(kind), payload)
+    }
+
+    /// Answers that the request cannot be fulfilled, and why: the user will read it.
+    ///
+    /// # Errors
+    /// The run is gone.
+    pub fn fail(&mut self, text: &str) -> Result<(), PeerError> {
+        self.answer_text(Kind::Error, text)
+    }
+
+    fn answer_text(&mut self, kind: Kind, text: &str) -> Result<(), PeerError> {
+        let length = numbers_for_text(text);
+        let mut payload = self.loan(length)?;
+        write_text(text, payload.payload_mut());
+        self.answer(
+            &Header { text: text.len() as u64, length: length as u64, ..Header::new(kind) },
+            payload,
+        )
+    }
+}
+
+/// A thread that sends heartbeats while it is told to.
+struct Heart {
+    beats: Arc<AtomicBool>,
+    stops: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Heart {
+    fn start(pulse: Pulse) -> Self {
+        let (beats, stops) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+        let (may_beat, must_stop) = (beats.clone(), stops.clone());
+        let thread = thread::spawn(move || {
+            while !must_stop.load(Ordering::Relaxed) {
+                thread::park_timeout(BEAT);
+                if may_beat.load(Ordering::Relaxed) {
+                    pulse();
+                }
+            }
+        });
+        Self { beats, stops, thread: Some(thread) }
+    }
+
+    fn beat(&self, on: bool) {
+        self.beats.store(on, Ordering::Relaxed);
+    }
+}
+
+impl Drop for Heart {
+    fn drop(&mut self) {
+        self.stops.store(true, Ordering::Relaxed);
+        self.beat(false);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            // It only ends early by a panic, which has been printed.
+            let _ = thread.join();
+        }
+    }
+}

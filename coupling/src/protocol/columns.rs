@@ -1,0 +1,171 @@
+//! The columns of a frame: which are there, how wide they are, where they lie.
+
+use super::Header;
+use crate::error::PeerError;
+use std::ops::Range;
+
+/// Rows are padded to a multiple of this, so that every column starts at a cache line.
+const PAD: usize = 8;
+
+/// A column: one or `D` numbers per row, those of a row side by side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Column {
+    /// Centre of the grain, m.
+    Position = 0,
+    /// Radius, m.
+    Radius = 1,
+    /// Solid volume V, m3 (m2 in the plane).
+    Volume = 2,
+    /// Drag coefficient gamma, kg/s.
+    Drag = 3,
+    /// Mobility a, s/kg.
+    Mobility = 4,
+    /// In a step the constant part b of the velocity law, else the velocity of the fluid, m/s.
+    Velocity = 5,
+    /// hA, W/K.
+    HeatCoefficient = 6,
+    /// aT, K/W.
+    HeatMobility = 7,
+    /// In a step the constant part bT of the temperature law, else the temperature of the fluid, K.
+    Temperature = 8,
+    /// Pressure gradient, Pa/m.
+    PressureGradient = 9,
+    /// Pressure, Pa.
+    Pressure = 10,
+}
+
+/// All columns in the order in which they lie.
+pub const COLUMNS: [Column; 11] = [
+    Column::Position,
+    Column::Radius,
+    Column::Volume,
+    Column::Drag,
+    Column::Mobility,
+    Column::Velocity,
+    Column::HeatCoefficient,
+    Column::HeatMobility,
+    Column::Temperature,
+    Column::PressureGradient,
+    Column::Pressure,
+];
+
+/// Columns of a step.
+pub const STEP: &[Column] = &[
+    Column::Position,
+    Column::Radius,
+    Column::Volume,
+    Column::Drag,
+    Column::Mobility,
+    Column::Velocity,
+];
+/// Further columns of a step with heat.
+pub const STEP_HEAT: &[Column] = &[Column::HeatCoefficient, Column::HeatMobility, Column::Temperature];
+/// Columns of a solution.
+pub const SOLUTION: &[Column] = &[Column::Velocity, Column::PressureGradient];
+/// Columns of fields.
+pub const FIELDS: &[Column] = &[Column::Velocity, Column::Pressure];
+/// Further column of solutions and fields with heat.
+pub const HEAT: &[Column] = &[Column::Temperature];
+
+impl Column {
+    /// Its bit in the mask of a header.
+    pub fn bit(self) -> u32 {
+        1 << self as u32
+    }
+
+    /// Numbers per row.
+    pub fn width(self, dimension: usize) -> usize {
+        match self {
+            Column::Position | Column::Velocity | Column::PressureGradient => dimension,
+            _ => 1,
+        }
+    }
+
+    /// The name in the hello and in Python.
+    pub fn name(self) -> &'static str {
+        match self {
+            Column::Position => "position",
+            Column::Radius => "radius",
+            Column::Volume => "volume",
+            Column::Drag => "drag",
+            Column::Mobility => "mobility",
+            Column::Velocity => "velocity",
+            Column::HeatCoefficient => "heat_coefficient",
+            Column::HeatMobility => "heat_mobility",
+            Column::Temperature => "temperature",
+            Column::PressureGradient => "pressure_gradient",
+            Column::Pressure => "pressure",
+        }
+    }
+}
+
+/// Where the columns of a frame lie in its payload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Rows of every column.
+    pub rows: usize,
+    /// Distance from column to column.
+    pub stride: usize,
+    /// Which columns are there.
+    pub mask: u32,
+    /// Where the first column starts.
+    pub offset: usize,
+}
+
+impl Layout {
+    /// The layout of these columns from `offset` on.
+    pub fn new(dimension: usize, rows: usize, sets: &[&[Column]], offset: usize) -> Self {
+        let mask = sets.iter().flat_map(|set| set.iter()).fold(0, |mask, column| mask | column.bit());
+        Self { dimension, rows, stride: rows.next_multiple_of(PAD), mask, offset }
+    }
+
+    /// The layout that a header describes; it must have the columns `required` and may have `optional`.
+    ///
+    /// # Errors
+    /// Columns are missing or too many, or do not fit the payload.
+    pub fn of(
+        header: &Header,
+        dimension: usize,
+        required: &[Column],
+        optional: &[Column],
+        offset: usize,
+    ) -> Result<Self, PeerError> {
+        let wrong = |text: String| Err(PeerError::Protocol(text));
+        let bits = |set: &[Column]| set.iter().fold(0, |mask, column| mask | column.bit());
+        let (needed, more) = (bits(required), header.mask & !bits(required));
+        if header.mask & needed != needed || (more != 0 && more != bits(optional)) {
+            return wrong(format!("columns {:#b}, expected {needed:#b}", header.mask));
+        }
+        let (rows, stride, limit) = (header.rows as usize, header.stride as usize, header.length as usize);
+        if rows > stride || stride > limit.max(1) + PAD {
+            return wrong(format!("{rows} rows, {stride} apart, in {limit} numbers"));
+        }
+        let layout = Self { dimension, rows, stride, mask: header.mask, offset };
+        if layout.end() > limit {
+            return wrong(format!("columns up to {} in {limit} numbers", layout.end()));
+        }
+        Ok(layout)
+    }
+
+    /// Where a column lies; `None` if it is not there.
+    pub fn range(&self, column: Column) -> Option<Range<usize>> {
+        if self.mask & column.bit() == 0 {
+            return None;
+        }
+        let start = self.offset + self.stride * self.width_before(column as u32);
+        Some(start..start + self.rows * column.width(self.dimension))
+    }
+
+    /// The end of the last column.
+    pub fn end(&self) -> usize {
+        self.offset + self.stride * self.width_before(u32::MAX)
+    }
+
+    fn width_before(&self, number: u32) -> usize {
+        let there = COLUMNS.iter().filter(|c| self.mask & c.bit() != 0 && (**c as u32) < number);
+        there.map(|column| column.width(self.dimension)).sum()
+    }
+}

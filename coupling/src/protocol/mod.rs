@@ -1,0 +1,28 @@
+//! The frames between grains and a fluid solver in another process.
+//!
+//! A frame is a [`Header`] and a payload of 8-byte numbers: whole columns one after the other ([`Layout`]), and a UTF-8
+//! text packed in the last numbers. The grains ask, the fluid answers ([`Kind`]):
+//!
+//! ```text
+//! fluid   hello     its name                     grains  hello     all that does not change, as JSON (`Setup`)
+//! grains  mesh      mesh, names, fields          fluid   mesh      done
+//! grains  step      columns of the grains        fluid   solution  fluid at the grains, report
+//! grains  fields                                 fluid   fields    nodal values
+//! grains  bye
+//! ```
+//!
+//! A step starts from the last accepted state, however often it is asked for; the flag [`ACCEPT`] on a step or a request
+//! for fields accepts the solution before it. Instead of an answer there may be an error with a text, and heartbeats
+//! before it. Only the columns that a scene needs travel. All quantities are in SI units.
+
+mod columns;
+mod header;
+mod messages;
+mod text;
+
+pub use columns::{COLUMNS, Column, FIELDS, HEAT, Layout, SOLUTION, STEP, STEP_HEAT};
+pub use header::{ACCEPT, HEADER_BYTES, Header, Kind, MAGIC, VERSION};
+pub use messages::{
+    FieldsMessage, MeshMessage, SolutionMessage, StepMessage, read_fields, read_mesh, read_solution, read_step,
+};
+pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

@@ -1,0 +1,125 @@
+//! Texts in a payload, and what the hellos say.
+
+use super::{COLUMNS, Header, VERSION};
+use crate::error::PeerError;
+use serde::{Deserialize, Serialize};
+use voidage_fluid::conditions::Condition;
+use voidage_fluid::flow::{HeatProperties, Numerics};
+use voidage_fluid::forms::Properties;
+
+/// Numbers of the payload that a text takes.
+pub fn numbers_for_text(text: &str) -> usize {
+    text.len().div_ceil(8)
+}
+
+/// Packs a text into the last numbers of a payload, eight bytes in each.
+pub fn write_text(text: &str, payload: &mut [f64]) {
+    let start = payload.len() - numbers_for_text(text);
+    for (number, bytes) in payload[start..].iter_mut().zip(text.as_bytes().chunks(8)) {
+        let mut eight = [0; 8];
+        eight[..bytes.len()].copy_from_slice(bytes);
+        *number = f64::from_le_bytes(eight);
+    }
+}
+
+/// The text at the end of a payload; empty if there is none.
+///
+/// # Errors
+/// It is longer than the payload, or no UTF-8.
+pub fn read_text(header: &Header, payload: &[f64]) -> Result<String, PeerError> {
+    let bytes = header.text as usize;
+    let Some(start) = payload.len().checked_sub(bytes.div_ceil(8)) else {
+        return Err(PeerError::Protocol(format!(
+            "a text of {bytes} bytes in {} numbers",
+            payload.len()
+        )));
+    };
+    let mut text: Vec<u8> = payload[start..].iter().flat_map(|number| number.to_le_bytes()).collect();
+    text.truncate(bytes);
+    String::from_utf8(text).map_err(|_| PeerError::Protocol("a text that is no UTF-8".into()))
+}
+
+/// How the fluid presents itself.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Greeting {
+    /// Name and version of the solver.
+    pub solver: String,
+    /// Version of the protocol.
+    pub protocol: u32,
+}
+
+impl Greeting {
+    /// The greeting of a solver of this name.
+    pub fn new(solver: &str) -> Self {
+        Self { solver: solver.to_owned(), protocol: VERSION }
+    }
+}
+
+/// What the grains tell once: all that does not change from step to step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Setup<const D: usize> {
+    /// Version of the protocol.
+    pub protocol: u32,
+    /// Units of all numbers: `SI`.
+    pub units: String,
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Names of the columns by their bit in the mask of a header.
+    pub columns: Vec<String>,
+    /// The law of the velocity and the temperature that a grain will have, in terms of the columns of a step.
+    pub closure: [String; 2],
+    /// Density, viscosity, gravity and so on.
+    pub properties: Properties<D>,
+    /// Heat in the fluid; absent without.
+    pub heat: Option<HeatProperties>,
+    /// Newton steps, tolerances.
+    pub numerics: Numerics,
+    /// Conditions on the boundary at full strength; a step brings others when they differ from the last.
+    pub conditions: Vec<Condition<D>>,
+}
+
+impl<const D: usize> Setup<D> {
+    /// The setup of a fluid.
+    pub fn new(
+        properties: Properties<D>,
+        heat: Option<HeatProperties>,
+        numerics: Numerics,
+        conditions: Vec<Condition<D>>,
+    ) -> Self {
+        Self {
+            protocol: VERSION,
+            units: "SI".into(),
+            dimension: D,
+            columns: COLUMNS.iter().map(|column| column.name().to_owned()).collect(),
+            closure: [
+                "velocity + mobility * (drag * u - volume * grad(p))".into(),
+                "temperature + heat_mobility * heat_coefficient * T".into(),
+            ],
+            properties,
+            heat,
+            numerics,
+            conditions,
+        }
+    }
+
+    /// The setup that a text describes.
+    ///
+    /// # Errors
+    /// The text is no setup of this dimension.
+    pub fn parse(text: &str) -> Result<Self, PeerError> {
+        serde_json::from_str(text).map_err(|error| PeerError::Protocol(format!("the hello: {error}")))
+    }
+}
+
+/// The dimension that a setup is for, before it can be read as one.
+///
+/// # Errors
+/// The text is no setup.
+pub fn dimension(text: &str) -> Result<usize, PeerError> {
+    #[derive(Deserialize)]
+    struct Dimension {
+        dimension: usize,
+    }
+    let parsed: serde_json::Result<Dimension> = serde_json::from_str(text);
+    parsed.map(|setup| setup.dimension).map_err(|error| PeerError::Protocol(format!("the hello: {error}")))
+}

@@ -1,0 +1,191 @@
+//! A fluid solver in another process, seen from the grains.
+
+use crate::backend::{FluidBackend, FluidReport, FluidStep};
+use crate::error::{Error, PeerError, Result};
+use crate::launch::Process;
+use crate::protocol::{
+    ACCEPT, FieldsMessage, Greeting, Header, Kind, MeshMessage, Setup, StepMessage,
+    numbers_for_text, read_fields, read_solution, write_text,
+};
+use crate::transport::{self, Channel, Frame};
+use std::sync::Arc;
+use std::time::Duration;
+use voidage_fluid::Mesh;
+use voidage_fluid::conditions::Condition;
+use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::flow::State;
+
+/// How long a solver may take to start: FEniCSx compiles its forms, and a person types a command.
+const START: Duration = Duration::from_secs(120);
+
+/// A fluid solver in another process.
+pub struct RemoteFluid<const D: usize> {
+    /// The process, if it was started here. Before the channel, because it ends by a farewell through it.
+    process: Option<Process>,
+    channel: Box<dyn Channel>,
+    /// Its name in errors.
+    name: String,
+    /// Longest silence.
+    timeout: Duration,
+    /// Run, generation, step and iteration of the last frame.
+    last: Header,
+    mesh: Option<Arc<Mesh<D>>>,
+    /// Whether the last solution is accepted and the solver does not know it yet.
+    accepted: bool,
+    /// The conditions that the solver has.
+    conditions: Vec<Condition<D>>,
+}
+
+impl<const D: usize> RemoteFluid<D> {
+    /// Waits for the solver at the other end of a channel and tells it the setup. `name` stands in errors, `timeout` is
+    /// the longest silence.
+    ///
+    /// # Errors
+    /// No solver comes, or one of another version.
+    pub fn new(
+        channel: Box<dyn Channel>,
+        process: Option<Process>,
+        name: String,
+        timeout: Duration,
+        setup: &Setup<D>,
+    ) -> Result<Self> {
+        let id = blake3::hash(format!("{:?} {}", std::time::SystemTime::now(), std::process::id()).as_bytes());
+        let run = u64::from_le_bytes(std::array::from_fn(|i| id.as_bytes()[i]));
+        let last = Header { run, ..Header::default() };
+        let conditions = setup.conditions.clone();
+        let mut remote =
+            Self { channel, process, name, timeout, last, mesh: None, accepted: false, conditions };
+        remote.greet(setup).map_err(|error| remote.explain(error))?;
+        Ok(remote)
+    }
+
+    fn greet(&mut self, setup: &Setup<D>) -> Result<(), PeerError> {
+        let hello = self.receive(START.max(self.timeout))?;
+        let greeting: Greeting = match hello.kind() {
+            Kind::Hello => serde_json::from_str(&hello.text()?)
+                .map_err(|error| PeerError::Protocol(format!("the hello: {error}")))?,
+            other => return Err(PeerError::Protocol(format!("{other:?} instead of a hello"))),
+        };
+        self.name = format!("{} ({})", self.name, greeting.solver);
+        let text = serde_json::to_string(setup).map_err(|error| PeerError::Channel(error.to_string()))?;
+        let length = numbers_for_text(&text) as u64;
+        let header = Header { text: text.len() as u64, length, ..Header::new(Kind::Hello) };
+        self.send(header, |payload| write_text(&text, payload))
+    }
+
+    fn receive(&mut self, silence: Duration) -> Result<Frame, PeerError> {
+        let process = &mut self.process;
+        transport::receive(&mut *self.channel, silence, || process.as_mut().map_or(Ok(()), Process::look))
+    }
+
+    fn send(&mut self, header: Header, write: impl FnOnce(&mut [f64])) -> Result<(), PeerError> {
+        let mut payload = self.channel.loan(header.length as usize)?;
+        write(payload.payload_mut());
+        let Header { run, generation, .. } = self.last;
+        self.channel.send(&Header { run, generation, ..header }, payload)
+    }
+
+    /// Sends a request and waits for an answer of a kind.
+    fn ask(
+        &mut self,
+        header: Header,
+        write: impl FnOnce(&mut [f64]),
+        kind: Kind,
+    ) -> Result<Frame, PeerError> {
+        self.send(header, write)?;
+        let answer = self.receive(self.timeout)?;
+        match answer.kind() {
+            Kind::Error => return Err(PeerError::Failed(answer.text()?)),
+            other if other != kind => {
+                return Err(PeerError::Protocol(format!("{other:?} instead of {kind:?}")));
+            }
+            _ => {}
+        }
+        let (theirs, ours) = (answer.header(), (header.step, header.iteration));
+        if theirs.run != self.last.run || (theirs.step, theirs.iteration) != ours {
+            let text = format!("the answer to step {}, solution {}", theirs.step, theirs.iteration);
+            return Err(PeerError::Protocol(text));
+        }
+        Ok(answer)
+    }
+
+    /// What the user reads: who, what, and what the solver's log says last.
+    fn explain(&mut self, error: PeerError) -> Error {
+        let log = self.process.as_mut().map_or(String::new(), |process| process.last_words(&error));
+        let text = error.to_string();
+        let (what, help) = text.split_at(text.find("\n  help: ").unwrap_or(text.len()));
+        Error::Run(format!("fluid solver {}: {what}{log}{help}", self.name))
+    }
+
+    fn ask_to_start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<(), PeerError> {
+        self.accepted = false;
+        if self.mesh.as_ref().is_some_and(|old| Arc::ptr_eq(old, mesh)) {
+            let message = FieldsMessage::new(fields);
+            self.ask(message.header(Kind::State), |payload| message.write(payload), Kind::State)?;
+        } else {
+            self.last.generation += 1;
+            let message = MeshMessage::new(mesh, fields);
+            self.ask(message.header(), |payload| message.write(payload), Kind::Mesh)?;
+            self.mesh = Some(mesh.clone());
+        }
+        Ok(())
+    }
+
+    fn ask_to_solve(
+        &mut self,
+        step: &FluidStep<'_, D>,
+        out: &mut AtBodies<D>,
+    ) -> Result<FluidReport<D>, PeerError> {
+        let text = if self.conditions == step.conditions {
+            String::new()
+        } else {
+            self.conditions = step.conditions.to_vec();
+            serde_json::json!(step.conditions).to_string()
+        };
+        let again = self.last.step == step.number && !self.accepted;
+        self.last.iteration = if again { self.last.iteration + 1 } else { 0 };
+        self.last.step = step.number;
+        let message = StepMessage::new(step, text);
+        let header = message.header(self.accepted, self.last.iteration);
+        self.accepted = false;
+        let answer = self.ask(header, |payload| message.write(payload), Kind::Solution)?;
+        let grains = step.grains.map_or(0, |grains| grains.position.len());
+        let heat = step.grains.is_some_and(|grains| grains.load.heat.is_some());
+        read_solution(answer.header(), answer.payload(), (grains, heat), out)
+    }
+
+    fn ask_for_fields(&mut self) -> Result<State<D>, PeerError> {
+        let flags = if self.accepted { ACCEPT } else { 0 };
+        let Header { step, iteration, .. } = self.last;
+        let header = Header { flags, step, iteration, ..Header::new(Kind::Fields) };
+        self.accepted = false;
+        let answer = self.ask(header, |_| {}, Kind::Fields)?;
+        let nodes = self.mesh.as_ref().map_or(0, |mesh| mesh.points.len());
+        read_fields(answer.header(), answer.payload(), nodes)
+    }
+}
+
+impl<const D: usize> FluidBackend<D> for RemoteFluid<D> {
+    fn start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<()> {
+        self.ask_to_start(mesh, fields).map_err(|error| self.explain(error))
+    }
+
+    fn solve(&mut self, step: &FluidStep<'_, D>, out: &mut AtBodies<D>) -> Result<FluidReport<D>> {
+        self.ask_to_solve(step, out).map_err(|error| self.explain(error))
+    }
+
+    fn accept(&mut self) {
+        self.accepted = true;
+    }
+
+    fn fields(&mut self) -> Result<State<D>> {
+        self.ask_for_fields().map_err(|error| self.explain(error))
+    }
+}
+
+impl<const D: usize> Drop for RemoteFluid<D> {
+    fn drop(&mut self) {
+        // A solver that is gone needs no farewell.
+        let _ = self.send(Header::new(Kind::Bye), |_| {});
+    }
+}

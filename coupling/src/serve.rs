@@ -1,0 +1,148 @@
+//! The loop in which a fluid solver of this crate answers the requests of a run in another process.
+
+use crate::backend::{FluidBackend, FluidStep, GrainLoad, Immersed, RustFluid};
+use crate::error::{Error, PeerError, Result};
+use crate::overlap::{self, Overlap};
+use crate::peer::Peer;
+use crate::protocol::{
+    Column, FieldsMessage, Kind, Setup, SolutionMessage, dimension, read_fields, read_mesh, read_step,
+};
+use crate::transport::{Address, Frame, LOOK};
+use std::sync::Arc;
+use std::time::Duration;
+use voidage_fluid::conditions::Condition;
+use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::{Mesh, Vector};
+
+/// Serves a run with the Rust solver until it says goodbye. `wait` is how long the run may take to be there.
+///
+/// # Errors
+/// There is no such run, it is gone, or the solver failed (which the run has been told).
+pub fn serve(address: &Address, wait: Duration) -> Result<()> {
+    let solver = concat!("rust ", env!("CARGO_PKG_VERSION"));
+    let (mut peer, text) = Peer::connect(address, solver, wait)?;
+    let outcome = match dimension(&text)? {
+        2 => {
+            let setup = Setup::<2>::parse(&text)?;
+            let Setup { properties, heat, numerics, conditions, .. } = setup;
+            let backend = RustFluid::<2, 3>::new(properties, heat, numerics, conditions.clone());
+            Server::new(backend, conditions).run(&mut peer)
+        }
+        other => Err(Error::Run(format!("scenes in {other} dimensions are not built yet"))),
+    };
+    if let Err(error) = &outcome
+        && !matches!(error, Error::Peer(PeerError::Gone))
+    {
+        peer.fail(&error.to_string())?;
+    }
+    outcome
+}
+
+/// What a mesh brings with it.
+struct OnMesh<const D: usize> {
+    mesh: Arc<Mesh<D>>,
+    overlap: Option<Overlap<D>>,
+    nodal_volume: Vec<f64>,
+}
+
+fn no_mesh() -> PeerError {
+    PeerError::Protocol("a step or a state before the mesh".into())
+}
+
+/// A solver and what it needs of the grains.
+struct Server<const D: usize, F> {
+    backend: F,
+    on: Option<OnMesh<D>>,
+    conditions: Vec<Condition<D>>,
+    load: GrainLoad<D>,
+    position: Vec<Vector<D>>,
+    radius: Vec<f64>,
+    at: AtBodies<D>,
+}
+
+impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
+    fn new(backend: F, conditions: Vec<Condition<D>>) -> Self {
+        let (load, at) = (GrainLoad::default(), AtBodies::default());
+        Self { backend, on: None, conditions, load, position: Vec::new(), radius: Vec::new(), at }
+    }
+
+    fn run(&mut self, peer: &mut Peer) -> Result<()> {
+        loop {
+            let Some(frame) = peer.receive(LOOK)? else { continue };
+            match frame.kind() {
+                Kind::Mesh => {
+                    let (mesh, fields) = read_mesh(frame.header(), frame.payload())?;
+                    let (mesh, nodal_volume) = (Arc::new(mesh), Vec::new());
+                    self.backend.start(&mesh, &fields)?;
+                    self.on = Some(OnMesh { mesh, overlap: None, nodal_volume });
+                    peer.done()?;
+                }
+                Kind::State => {
+                    let mesh = self.on.as_ref().map(|on| on.mesh.clone()).ok_or_else(no_mesh)?;
+                    let fields = read_fields(frame.header(), frame.payload(), mesh.points.len())?;
+                    self.backend.start(&mesh, &fields)?;
+                    peer.done()?;
+                }
+                Kind::Step => self.solve(&frame, peer)?,
+                Kind::Fields => {
+                    self.accept(&frame);
+                    let fields = self.backend.fields()?;
+                    let message = FieldsMessage::new(&fields);
+                    let header = message.header(Kind::Fields);
+                    let mut payload = peer.loan(header.length as usize)?;
+                    message.write(payload.payload_mut());
+                    peer.answer(&header, payload)?;
+                }
+                Kind::Bye => return Ok(()),
+                other => return Err(PeerError::Protocol(format!("{other:?} is no request")).into()),
+            }
+        }
+    }
+
+    fn accept(&mut self, frame: &Frame) {
+        if frame.header().accepts() {
+            self.backend.accept();
+        }
+    }
+
+    fn solve(&mut self, frame: &Frame, peer: &mut Peer) -> Result<()> {
+        self.accept(frame);
+        let header = frame.header();
+        let (layout, conditions) = read_step(header, frame.payload())?;
+        self.conditions = conditions.unwrap_or(std::mem::take(&mut self.conditions));
+        let grains = layout.range(Column::Position).is_some();
+        if grains {
+            self.load.copy_columns(&layout, frame.payload(), &mut self.position, &mut self.radius);
+            self.cut()?;
+        }
+        let Self { backend, conditions, position, radius, load, at, .. } = self;
+        let step = FluidStep {
+            number: header.step,
+            time: header.time,
+            dt: header.dt,
+            grains: grains.then_some(Immersed { position, radius, load }),
+            conditions,
+        };
+        let report = backend.solve(&step, at)?;
+        let message = SolutionMessage::new(at, &report);
+        let header = message.header();
+        let mut payload = peer.loan(header.length as usize)?;
+        message.write(payload.payload_mut());
+        Ok(peer.answer(&header, payload)?)
+    }
+
+    /// Pieces and voidage, as in the process of the grains.
+    fn cut(&mut self) -> Result<()> {
+        let Self { on, load, position, radius, .. } = self;
+        let on = on.as_mut().ok_or_else(no_mesh)?;
+        if on.overlap.is_none() {
+            on.overlap = Some(Overlap::new(&on.mesh)?);
+            on.nodal_volume = on.mesh.nodal_volume();
+        }
+        if let Some(overlap) = &mut on.overlap {
+            overlap.cut(&on.mesh, position, radius, &mut load.pieces)?;
+        }
+        overlap::voidage(&on.mesh, &load.pieces, &load.volume, &on.nodal_volume, &mut load.voidage);
+        Ok(())
+    }
+}
