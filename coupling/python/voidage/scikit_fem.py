@@ -221,9 +221,12 @@ def _solve(A, b: Floats, free, value: Floats, components: int, tolerance: float)
     """
     diagonal = sp.diags_array(np.abs(A.diagonal()))
     A, b = free @ A + diagonal @ (sp.eye_array(len(b)) - free), free @ b + diagonal @ (value - free @ value)
-    factors = splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A")
-    x = factors.solve(b)
-    x += factors.solve(b - A @ x)
+    # With equations and unknowns scaled to a unit diagonal there is hardly need to pivot, and little fill.
+    unit = 1 / np.sqrt(np.abs(A.diagonal()))
+    scaled = sp.csc_array(sp.diags_array(unit) @ A @ sp.diags_array(unit))
+    factors = splu(scaled, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
+    x = unit * factors.solve(unit * b)
+    x += unit * factors.solve(unit * (b - A @ x))
     residual = _residual(A, b, x, components)
     if not residual <= tolerance:
         raise ArithmeticError(f"the linear system is nearly singular: its relative residual is {residual:.1e}")
