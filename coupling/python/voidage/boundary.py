@@ -12,6 +12,7 @@ from .solver import (
     Open,
     Problem,
     Slip,
+    Step,
     SuperficialVelocity,
     Temperature,
     Velocity,
@@ -92,6 +93,32 @@ def is_closed(conditions: Sequence[Condition]) -> bool:
     return not any(isinstance(condition.flow, Open) for condition in conditions)
 
 
+def hold_flow(problem: Problem, step: Step) -> tuple[Floats, Floats]:
+    """Projectors on the free unknowns (u, p) of every node, (n, D + 1, D + 1), and the values of the others, (n, D + 1).
+
+    In a closed domain one pressure is held; the caller moves the mean to zero.
+    """
+    count, dimension = problem.points.shape
+    holds = Holds(problem, step.conditions, step.voidage)
+    free = np.tile(np.eye(dimension + 1), (count, 1, 1))
+    free[:, :dimension, :dimension] = holds.free
+    if is_closed(step.conditions):
+        check_balance(problem, holds, step.voidage)
+        free[0, dimension, dimension] = 0
+    return free, np.pad(holds.value, ((0, 0), (0, 1)))
+
+
+def hold_heat(problem: Problem, conditions: Sequence[Condition]) -> tuple[Floats, Floats]:
+    """The same for the temperature, (n, 1, 1) and (n, 1); the later condition wins."""
+    count = len(problem.points)
+    free, value = np.ones((count, 1, 1)), np.zeros((count, 1))
+    for condition in conditions:
+        if isinstance(condition.heat, Temperature):
+            nodes = np.unique(problem.boundaries[condition.boundary])
+            free[nodes], value[nodes] = 0, condition.heat.value
+    return free, value
+
+
 def check_balance(problem: Problem, holds: Holds, voidage: Floats) -> None:
     """Raises ``ValueError`` if the prescribed velocities of a closed domain let more fluid in than out."""
     net = gross = 0.0
@@ -106,13 +133,3 @@ def check_balance(problem: Problem, holds: Holds, voidage: Floats) -> None:
         raise ValueError(
             f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out than in; open one"
         )
-
-
-def prescribed_temperatures(problem: Problem, conditions: Sequence[Condition]) -> dict[int, float]:
-    """Temperature of every node that has one, the later condition winning."""
-    held: dict[int, float] = {}
-    for condition in conditions:
-        if isinstance(condition.heat, Temperature):
-            nodes = np.unique(problem.boundaries[condition.boundary])
-            held |= dict.fromkeys(nodes.tolist(), condition.heat.value)
-    return held

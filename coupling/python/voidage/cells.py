@@ -55,10 +55,3 @@ class Stabilisation:
         peclet = cells.size * speed / (6 * nu)
         self.incompressibility = cells.size * speed * np.minimum(peclet, 0.5)
         """xi_c, m2/s, (m)."""
-
-
-def heat_stabilisation_time(problem: Problem, cells: Cells, velocity: Floats, dt: float) -> Floats:
-    """xi_T of every cell (A.12), (m)."""
-    speed = np.linalg.norm(cells.mean(velocity), axis=1)
-    diffusivity = problem.heat.conductivity / problem.heat.capacity
-    return stabilisation_time(dt, speed, cells.size, diffusivity, np.zeros(1))

@@ -9,8 +9,6 @@ Backward Euler from u_n; the convection is linearised about a velocity w, once (
 the centroid. The energy is solved first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
 """
 
-from time import perf_counter
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
@@ -18,23 +16,22 @@ from skfem import Basis, BilinearForm, ElementTetP1, ElementTriP1, ElementVector
 from skfem import MeshTet, MeshTri
 from skfem.helpers import ddot, div, dot, grad, mul, transpose
 
-from .boundary import Holds, check_balance, is_closed, prescribed_temperatures
-from .cells import Cells, Stabilisation, heat_stabilisation_time
+from .boundary import hold_flow, hold_heat
+from .finite_elements import FiniteElements, FlowData
 from .pieces import PieceSums
-from .solver import AtGrains, Fields, Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Solver, Step
+from .solver import Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step
 
 QUADRATURE = 4  # degree of the rules in cells and, the upwind terms not being polynomials, on facets
 
 
-class ScikitFem(Solver):
+class ScikitFem(FiniteElements):
     """The solver on one mesh. Unknowns are numbered (D + 1) node + component, the pressure last."""
 
     def set_mesh(self, problem: Problem) -> None:
+        super().set_mesh(problem)
         plane = problem.dimension == 2
         make, scalar = (MeshTri, ElementTriP1()) if plane else (MeshTet, ElementTetP1())
         mesh = make(problem.points.T.copy(), problem.cells.T.copy())
-        self.problem, self.cells = problem, Cells(problem.points, problem.cells)
-        self.state = self.next = problem.fields
         self.scalar = Basis(mesh, scalar, intorder=QUADRATURE)
         self.vector = self.scalar.with_element(ElementVector(scalar))
         self.mixed = self.scalar.with_element(ElementVector(scalar) * scalar)
@@ -43,28 +40,6 @@ class ScikitFem(Solver):
             for name, nodes in problem.boundaries.items()
         }
 
-    def accept(self) -> None:
-        self.state = self.next
-
-    def fields(self) -> Fields:
-        return self.state
-
-    def solve(self, step: Step) -> tuple[AtGrains, Report]:
-        report, start = Report(), perf_counter()
-        sums = None if step.grains is None else PieceSums(self.cells, step.pieces, step.grains)
-        temperature = None if self.problem.heat is None else self._energy(step, sums, report)
-        report.heat_s = perf_counter() - start
-        velocity = self.state.velocity
-        for _ in range(self.problem.newton):
-            velocity, pressure = self._flow(step, sums, temperature, velocity, report)
-        report.flow_s = perf_counter() - start - report.heat_s
-        self.next = Fields(velocity, pressure, temperature)
-        if sums is None:
-            none = np.zeros((0, self.problem.dimension))
-            return AtGrains(none, none, np.zeros(0)), report
-        report.force, report.heat = sums.exchanged(self.next)
-        return sums.sample(self.next), report
-
     def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
         problem, heat, dt = self.problem, self.problem.heat, step.dt
         C, k, wall, wall_T = heat.capacity, heat.conductivity, heat.wall_coefficient, heat.wall_temperature
@@ -72,9 +47,8 @@ class ScikitFem(Solver):
         u = self.vector.interpolate(self.state.velocity.ravel())
         old = self.scalar.interpolate(self.state.temperature)
         source = 0 if step.sources is None else self.scalar.interpolate(step.sources.heat)
-        U = self.cells.mean(self.state.velocity)
-        time = heat_stabilisation_time(problem, self.cells, self.state.velocity, dt)
-        xi_U = (time[:, None] * U).T[:, :, None]
+        U, xi = self.heat_stabilisation(dt)
+        xi_U = (xi[:, None] * U).T[:, :, None]
 
         @BilinearForm
         def matrix(T, S, _):
@@ -99,42 +73,28 @@ class ScikitFem(Solver):
             A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(basis)
             b = b + LinearForm(lambda S, _, h=transfer, T=outside: h * T * S).assemble(basis)
         if sums is not None and sums.heated:
-            blocks, loads = sums.energy(U, time)
+            blocks, loads = sums.energy(U, xi)
             A, b = _add_blocks(A, b, self.problem.cells[sums.cells], blocks, loads)
-        free, value = np.ones(len(b)), np.zeros(len(b))
-        held = prescribed_temperatures(problem, step.conditions)
-        free[list(held)], value[list(held)] = 0, list(held.values())
-        T, _ = _solve(A, b, sp.diags_array(free), value, 1, problem.tolerance)
+        T, _ = _solve(A, b, *hold_heat(problem, step.conditions), problem.tolerance)
         report.iterations += 1
-        return T
+        return T[:, 0]
 
     def _flow(
-        self, step: Step, sums: PieceSums | None, temperature: Floats | None, about: Floats, report: Report
+        self, step: Step, sums: PieceSums | None, data: FlowData, about: Floats, report: Report
     ) -> tuple[Floats, Floats]:
         problem, dt = self.problem, step.dt
         rho, eta, thin = problem.density, problem.viscosity, problem.thin_cell_drag
         eps = self.scalar.interpolate(step.voidage)
         old = self.vector.interpolate(self.state.velocity.ravel())
         at = self.vector.interpolate(about.ravel())
-        reaction = np.zeros(len(problem.cells))
-        flux_divergence = source_v = source_q = 0
-        if sums is not None:
-            flux_divergence = div(self.vector.interpolate(sums.solid_flux(self.state).ravel()))
-            if problem.drag_in_stabilisation:
-                volume = self.cells.measure * self.cells.mean(step.voidage)
-                reaction[sums.cells] = sums.total_drag / (rho * volume[sums.cells])
+        weight = self.scalar.interpolate(data.share) * self.vector.interpolate(data.weight.ravel())
+        flux_divergence = 0 if sums is None else div(self.vector.interpolate(data.solid_flux.ravel()))
+        source_u = source_p = 0
         if step.sources is not None:
-            source_v = self.vector.interpolate(step.sources.momentum.ravel())
-            source_q = self.scalar.interpolate(step.sources.mass)
-        lightness = np.ones(len(problem.points))
-        if temperature is not None:
-            lightness -= problem.heat.expansion * (temperature - problem.heat.reference)
-        nodal_weight = rho * lightness[:, None] * problem.gravity
-        # With grains, their pieces take the weight of what they displace (PieceSums.flow).
-        weight = (eps if sums is None else 1) * self.vector.interpolate(nodal_weight.ravel())
-        tau = Stabilisation(problem, self.cells, self.state.velocity, dt, reaction)
-        xi, xi_c = tau.time[:, None], tau.incompressibility[:, None]
-        xi_U = xi * tau.direction.T[:, :, None]
+            source_u = self.vector.interpolate(step.sources.momentum.ravel())
+            source_p = self.scalar.interpolate(step.sources.mass)
+        xi, xi_c = data.stabilisation.time[:, None], data.stabilisation.incompressibility[:, None]
+        xi_U = xi * data.stabilisation.direction.T[:, :, None]
 
         @BilinearForm
         def matrix(u, p, v, q, _):
@@ -152,20 +112,22 @@ class ScikitFem(Solver):
 
         @LinearForm
         def rhs(v, q, _):
-            force = eps * rho * (old / dt + mul(grad(at), at)) + weight + source_v
+            force = eps * rho * (old / dt + mul(grad(at), at)) + weight + source_u
             return (
                 dot(force, v + mul(grad(v), xi_U) + xi / rho * grad(q))
-                + source_q * q
-                + rho * xi_c * (source_q - flux_divergence) * div(v)
+                + source_p * q
+                + rho * xi_c * (source_p - flux_divergence) * div(v)
             )
 
         A, b = matrix.assemble(self.mixed), rhs.assemble(self.mixed)
         for condition in step.conditions:
             A, b = self._add_boundary(A, b, condition.flow, self.facets[condition.boundary], step.voidage)
         if sums is not None:
-            blocks, loads = sums.flow(tau, rho, nodal_weight)
+            blocks, loads = sums.flow(data.stabilisation, rho, data.weight)
             A, b = _add_blocks(A, b, problem.cells[sums.cells], blocks, loads)
-        return self._solve_flow(step, A, b, report)
+        x, report.residual = _solve(A, b, *hold_flow(problem, step), problem.tolerance)
+        report.iterations += 1
+        return x[:, :-1].copy(), x[:, -1].copy()
 
     def _add_boundary(self, A, b, flow, facets: FacetBasis, voidage: Floats):
         """<<eps u . n, q>>, and where it is open <<p_out n, v>> - <<eps rho min(u_n . n, 0) u, v>>."""
@@ -183,20 +145,6 @@ class ScikitFem(Solver):
         basis = facets.with_element(self.vector.elem)
         return dot(basis.interpolate(self.state.velocity.ravel()), facets.normals)
 
-    def _solve_flow(self, step: Step, A, b: Floats, report: Report) -> tuple[Floats, Floats]:
-        count, D = self.problem.points.shape
-        holds, closed = Holds(self.problem, step.conditions, step.voidage), is_closed(step.conditions)
-        free, value = np.tile(np.eye(D + 1), (count, 1, 1)), np.zeros((count, D + 1))
-        free[:, :D, :D], value[:, :D] = holds.free, holds.value
-        if closed:
-            check_balance(self.problem, holds, step.voidage)
-            free[0, D, D] = 0  # the level of the pressure; the mean is moved to zero below
-        projector = sp.bsr_array((free, np.arange(count), np.arange(count + 1)))
-        x, report.residual = _solve(A, b, projector, value.ravel(), D + 1, self.problem.tolerance)
-        report.iterations += 1
-        x = x.reshape(count, D + 1)
-        return x[:, :D].copy(), self.cells.centred(x[:, D]) if closed else x[:, D].copy()
-
 
 def _facet_numbers(all_facets: Integers, wanted: Integers) -> Integers:
     number = {tuple(nodes): k for k, nodes in enumerate(np.sort(all_facets, axis=1).tolist())}
@@ -213,35 +161,23 @@ def _add_blocks(A, b: Floats, cells: Integers, blocks: Floats, loads: Floats):
     return A + more.tocsr(), b + np.bincount(dofs.ravel(), loads.ravel(), len(b))
 
 
-def _solve(A, b: Floats, free, value: Floats, components: int, tolerance: float) -> tuple[Floats, float]:
-    """Solves A x = b in what is free, x = value in the rest.
+def _solve(A, b: Floats, free: Floats, value: Floats, tolerance: float) -> tuple[Floats, float]:
+    """Solves A x = b where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`), x = value in the rest.
 
-    ``free`` is a projector on the equations that stay; the others become the condition, scaled as the diagonal that
-    they had. Returns the solution and its relative residual.
+    The conditions take the place of the equations that fall away, scaled as the diagonal that they had. Returns the
+    solution, one row per node, and the residual relative to the right-hand side, both scaled to a unit diagonal.
     """
-    diagonal = sp.diags_array(np.abs(A.diagonal()))
-    A, b = free @ A + diagonal @ (sp.eye_array(len(b)) - free), free @ b + diagonal @ (value - free @ value)
+    count = len(free)
+    projector = sp.bsr_array((free, np.arange(count), np.arange(count + 1))).tocsr()
+    held = sp.diags_array(np.abs(A.diagonal())) @ (sp.eye_array(len(b)) - projector)
+    A, b = projector @ A + held, projector @ b + held @ value.ravel()
     # With equations and unknowns scaled to a unit diagonal there is hardly need to pivot, and little fill.
     unit = 1 / np.sqrt(np.abs(A.diagonal()))
-    scaled = sp.csc_array(sp.diags_array(unit) @ A @ sp.diags_array(unit))
-    factors = splu(scaled, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
-    x = unit * factors.solve(unit * b)
-    x += unit * factors.solve(unit * (b - A @ x))
-    residual = _residual(A, b, x, components)
+    A, b = sp.csc_array(sp.diags_array(unit) @ A @ sp.diags_array(unit)), unit * b
+    factors = splu(A, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
+    x = factors.solve(b)
+    x += factors.solve(b - A @ x)
+    residual = float(np.linalg.norm(b - A @ x) / (np.linalg.norm(b) or 1))
     if not residual <= tolerance:
         raise ArithmeticError(f"the linear system is nearly singular: its relative residual is {residual:.1e}")
-    return x, residual
-
-
-def _residual(A, b: Floats, x: Floats, components: int) -> float:
-    """Relative residual of the worst component, its equations in the unit of its unknown.
-
-    As in voidage's own solver: |w r| / max(|w b|, |w |A| |w b|| / 100) with w one over the diagonal.
-    """
-    w = 1 / np.abs(A.diagonal())
-
-    def norms(values: Floats) -> Floats:
-        return np.linalg.norm((w * values).reshape(-1, components), axis=0)
-
-    scale = np.maximum(norms(b), norms(abs(A) @ np.abs(w * b)) / 100)
-    return float(np.max(norms(b - A @ x) / np.where(scale > 0, scale, 1)))
+    return (unit * x).reshape(value.shape), residual
