@@ -1,0 +1,135 @@
+"""Conditions that replace equations, node by node."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .solver import (
+    Condition,
+    Floats,
+    Integers,
+    NoSlip,
+    Open,
+    Problem,
+    Slip,
+    Step,
+    SuperficialVelocity,
+    Temperature,
+    Velocity,
+)
+
+SAME_NORMAL = 0.866  # cos 30 degrees: normals closer than that are those of one smooth boundary
+
+
+def area_vectors(points: Floats, facets: Integers) -> Floats:
+    """Outward normal times measure of facets, (k, D)."""
+    edges = points[facets[:, 1:]] - points[facets[:, :1]]
+    if points.shape[1] == 2:
+        return np.stack((edges[:, 0, 1], -edges[:, 0, 0]), axis=1)
+    return 0.5 * np.cross(edges[:, 0], edges[:, 1])
+
+
+class Holds:
+    """What holds the velocity of the nodes.
+
+    A later prescribed velocity wins at shared nodes; slip never frees a node that is fixed, and gives way to a later
+    prescribed velocity. At a node with slip, normals within 30 degrees are averaged; a sharper corner holds each.
+    """
+
+    def __init__(self, problem: Problem, conditions: Sequence[Condition], voidage: Floats):
+        count, dimension = problem.points.shape
+        self.fixed = np.zeros(count, bool)
+        self.value = np.zeros((count, dimension))
+        """Velocity where fixed, zero elsewhere, m/s."""
+        normals: dict[int, list[Floats]] = {}
+        for condition in conditions:
+            facets = problem.boundaries[condition.boundary]
+            nodes = np.unique(facets)
+            match condition.flow:
+                case Open():
+                    continue
+                case Slip():
+                    _add_normals(normals, facets, area_vectors(problem.points, facets), self.fixed)
+                    continue
+                case NoSlip():
+                    value = np.zeros((count, dimension))
+                case Velocity(value):
+                    value = np.broadcast_to(value, (count, dimension))
+                case SuperficialVelocity(value):
+                    value = np.broadcast_to(value, (count, dimension)) / voidage[:, None]
+            self.fixed[nodes] = True
+            self.value[nodes] = value[nodes]
+        self.free = np.tile(np.eye(dimension), (count, 1, 1))
+        """Projector on the velocities that a node is free to have, (n, D, D)."""
+        self.free[self.fixed] = 0
+        for node, directions in normals.items():
+            if not self.fixed[node]:
+                self.free[node] -= _projector(directions)
+
+
+def _add_normals(normals: dict[int, list[Floats]], facets: Integers, areas: Floats, fixed: Floats) -> None:
+    for facet, area in zip(facets, areas, strict=True):
+        for node in facet[~fixed[facet]]:
+            held = normals.setdefault(int(node), [])
+            for k, other in enumerate(held):
+                cosine = other @ area / (np.linalg.norm(other) * np.linalg.norm(area))
+                if abs(cosine) > SAME_NORMAL:
+                    held[k] = other + np.sign(cosine) * area
+                    break
+            else:
+                held.append(area)
+
+
+def _projector(directions: list[Floats]) -> Floats:
+    """Orthogonal projector on the span of the directions; those that add nothing are dropped."""
+    unit = [direction / np.linalg.norm(direction) for direction in directions]
+    left, length, _ = np.linalg.svd(np.stack(unit, axis=1), full_matrices=False)
+    basis = left[:, length > 1e-6]
+    return basis @ basis.T
+
+
+def is_closed(conditions: Sequence[Condition]) -> bool:
+    """Whether no boundary is open: nothing then sets the level of the pressure."""
+    return not any(isinstance(condition.flow, Open) for condition in conditions)
+
+
+def hold_flow(problem: Problem, step: Step) -> tuple[Floats, Floats]:
+    """Projectors on the free unknowns (u, p) of every node, (n, D + 1, D + 1), and the values of the others, (n, D + 1).
+
+    In a closed domain one pressure is held; the caller moves the mean to zero.
+    """
+    count, dimension = problem.points.shape
+    holds = Holds(problem, step.conditions, step.voidage)
+    free = np.tile(np.eye(dimension + 1), (count, 1, 1))
+    free[:, :dimension, :dimension] = holds.free
+    if is_closed(step.conditions):
+        check_balance(problem, holds, step.voidage)
+        free[0, dimension, dimension] = 0
+    return free, np.pad(holds.value, ((0, 0), (0, 1)))
+
+
+def hold_heat(problem: Problem, conditions: Sequence[Condition]) -> tuple[Floats, Floats]:
+    """The same for the temperature, (n, 1, 1) and (n, 1); the later condition wins."""
+    count = len(problem.points)
+    free, value = np.ones((count, 1, 1)), np.zeros((count, 1))
+    for condition in conditions:
+        if isinstance(condition.heat, Temperature):
+            nodes = np.unique(problem.boundaries[condition.boundary])
+            free[nodes], value[nodes] = 0, condition.heat.value
+    return free, value
+
+
+def check_balance(problem: Problem, holds: Holds, voidage: Floats) -> None:
+    """Raises ``ValueError`` if the prescribed velocities of a closed domain let more fluid in than out."""
+    net = gross = 0.0
+    for facets in problem.boundaries.values():
+        # Facet integrals of eps phi_b: int phi_a phi_b = measure (1 + delta_ab) / (D (D + 1)).
+        dimension = facets.shape[1]
+        mass = (1 + np.eye(dimension)) / (dimension * (dimension + 1))
+        normal = area_vectors(problem.points, facets)
+        flux = np.einsum("fa,ab,fbi,fi->fb", voidage[facets], mass, holds.value[facets], normal)
+        net, gross = net + flux.sum(), gross + abs(flux).sum()
+    if abs(net) > 1e-9 * gross:
+        raise ValueError(
+            f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out than in; open one"
+        )

@@ -1,0 +1,51 @@
+"""The only place that knows which dolfinx is there: written for 0.5.2 (Debian 12), with the later names beside."""
+
+import inspect
+
+import numpy as np
+import ufl
+from dolfinx import cpp, fem, mesh
+
+from .solver import Floats, Integers
+
+
+def create_mesh(comm, cells: Integers, points: Floats):
+    """A mesh of simplices; only the arrays of the first rank count."""
+    shape = {2: "triangle", 3: "tetrahedron"}[points.shape[1]]
+    if comm.rank != 0:
+        cells, points = cells[:0], points[:0]
+    if not hasattr(fem, "functionspace"):  # until 0.7
+        element = ufl.VectorElement("Lagrange", ufl.Cell(shape, points.shape[1]), 1)
+        return mesh.create_mesh(comm, cells, points, ufl.Mesh(element))
+    import basix.ufl
+
+    domain = ufl.Mesh(basix.ufl.element("Lagrange", shape, 1, shape=(points.shape[1],)))
+    if list(inspect.signature(mesh.create_mesh).parameters)[2] == "x":  # until 0.9
+        return mesh.create_mesh(comm, cells, points, domain)
+    return mesh.create_mesh(comm, cells, domain, points)
+
+
+def space(domain, family: str, degree: int, components: int = 0):
+    """A space of scalars or, blocked, of vectors with some components."""
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(domain, (family, degree, (components,)) if components else (family, degree))
+    if components:
+        return fem.VectorFunctionSpace(domain, (family, degree), dim=components)
+    return fem.FunctionSpace(domain, (family, degree))
+
+
+def table(adjacency, cells: int) -> Integers:
+    """Dofs or nodes of every local cell, (cells, ..): an adjacency list until 0.6, an array later."""
+    return np.asarray(getattr(adjacency, "array", adjacency)).reshape(cells, -1)
+
+
+def boundary_facets(domain) -> tuple[Integers, Integers]:
+    """Facets on the boundary that this rank knows, and their geometry nodes, (f, D)."""
+    dimension = domain.topology.dim
+    domain.topology.create_connectivity(dimension - 1, dimension)
+    domain.topology.create_connectivity(dimension - 1, 0)
+    facets = mesh.exterior_facet_indices(domain.topology)
+    if hasattr(mesh, "entities_to_geometry"):
+        return facets, mesh.entities_to_geometry(domain, dimension - 1, facets)
+    wrapped = domain._cpp_object if hasattr(domain, "_cpp_object") else domain._mesh  # until 0.7, until 0.5
+    return facets, cpp.mesh.entities_to_geometry(wrapped, dimension - 1, facets, False)

@@ -1,0 +1,95 @@
+"""What solvers by finite elements share: the order of a step, and the data of its forms that are known before."""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from .boundary import is_closed
+from .cells import Cells, Stabilisation, stabilisation_time
+from .pieces import PieceSums
+from .solver import AtGrains, Fields, Floats, Problem, Report, Solver, Step
+
+
+@dataclass(frozen=True)
+class FlowData:
+    """Known coefficients of the flow equations, the same for every Newton step."""
+
+    stabilisation: Stabilisation
+    weight: Floats
+    """Nodal rho g (1 - beta (T - T_R)), (n, D)."""
+    share: Floats
+    """Nodal share of the volume that the weight acts on, (n): the voidage. With grains it is one, and what they displace
+    is taken off piece by piece (:meth:`voidage.pieces.PieceSums.flow`)."""
+    solid_flux: Floats
+    """Nodal projection of phi v at the accepted state, (n, D), for the least-squares incompressibility; zero without
+    grains."""
+
+
+class FiniteElements(Solver):
+    """One step: energy with u_n, then momentum and mass by Newton steps about u_n and its successors."""
+
+    def set_mesh(self, problem: Problem) -> None:
+        self.problem = problem
+        self.cells = Cells(problem.points, problem.cells)
+        self.state = self.next = problem.fields
+
+    def accept(self) -> None:
+        self.state = self.next
+
+    def fields(self) -> Fields:
+        return self.state
+
+    def solve(self, step: Step) -> tuple[AtGrains, Report]:
+        report, start = Report(), perf_counter()
+        sums = None if step.grains is None else PieceSums(self.cells, step.pieces, step.grains)
+        temperature = None if self.problem.heat is None else self._energy(step, sums, report)
+        report.heat_s = perf_counter() - start
+        data = self._flow_data(step, sums, temperature)
+        velocity = self.state.velocity
+        for _ in range(self.problem.newton):
+            velocity, pressure = self._flow(step, sums, data, velocity, report)
+        if is_closed(step.conditions):
+            pressure = self.cells.centred(pressure)
+        report.flow_s = perf_counter() - start - report.heat_s
+        self.next = Fields(velocity, pressure, temperature)
+        if sums is None:
+            none = np.zeros((0, self.problem.dimension))
+            return AtGrains(none, none, None if temperature is None else np.zeros(0)), report
+        report.force, report.heat = sums.exchanged(self.next)
+        return sums.sample(self.next), report
+
+    @abstractmethod
+    def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
+        """Temperature at the nodes at the end of the step."""
+
+    @abstractmethod
+    def _flow(
+        self, step: Step, sums: PieceSums | None, data: FlowData, about: Floats, report: Report
+    ) -> tuple[Floats, Floats]:
+        """Velocity and pressure at the nodes, the convection linearised about a velocity."""
+
+    def _flow_data(self, step: Step, sums: PieceSums | None, temperature: Floats | None) -> FlowData:
+        problem, cells = self.problem, self.cells
+        lightness = np.ones(len(problem.points))
+        if temperature is not None:
+            lightness -= problem.heat.expansion * (temperature - problem.heat.reference)
+        weight = problem.density * lightness[:, None] * problem.gravity
+        reaction = np.zeros(len(problem.cells))
+        if sums is None:
+            share, solid_flux = step.voidage, np.zeros_like(weight)
+        else:
+            share, solid_flux = np.ones_like(step.voidage), sums.solid_flux(self.state)
+            if problem.drag_in_stabilisation:
+                fluid = problem.density * cells.measure * cells.mean(step.voidage)
+                reaction[sums.cells] = sums.total_drag / fluid[sums.cells]
+        stabilisation = Stabilisation(problem, cells, self.state.velocity, step.dt, reaction)
+        return FlowData(stabilisation, weight, share, solid_flux)
+
+    def heat_stabilisation(self, dt: float) -> tuple[Floats, Floats]:
+        """U = u_n at the centroid of every cell, (m, D), and xi_T (A.12), (m)."""
+        heat, U = self.problem.heat, self.cells.mean(self.state.velocity)
+        speed = np.linalg.norm(U, axis=1)
+        diffusivity = heat.conductivity / heat.capacity
+        return U, stabilisation_time(dt, speed, self.cells.size, diffusivity, np.zeros_like(speed))

@@ -1,0 +1,139 @@
+"""Sums over the pieces of the grains: cell matrices of the exchange, the solid flux, the fluid at the grains.
+
+Notation: grain i has volume V, drag gamma, mobility a and velocity b; a piece q of it lies in one cell, with the share
+s of the grain and the shape functions phi at its centroid. The exchange is
+
+    f_p = V grad p - gamma (u - v*),   v* = b + a (gamma u - V grad p),
+    q_p = -hA (T - T*),                T* = bT + aT hA T.
+"""
+
+import numpy as np
+
+from .cells import Cells, Stabilisation
+from .solver import AtGrains, Fields, Floats, Grains, Pieces
+
+
+class PieceSums:
+    """The pieces of one step on a mesh; c counts the cells that have any, B = D + 1 nodes of a cell."""
+
+    def __init__(self, mesh: Cells, pieces: Pieces, grains: Grains):
+        grain = np.repeat(np.arange(len(pieces.first) - 1), np.diff(pieces.first))
+        self.mesh, self.pieces, self.grain = mesh, pieces, grain
+        self.share, self.shape = pieces.share, pieces.shape
+        self.nodes, self.gradient = mesh.nodes[pieces.cell], mesh.gradient[pieces.cell]
+        self.volume, self.drag, self.mobility = grains.volume[grain], grains.drag[grain], grains.mobility[grain]
+        self.velocity, self.heated = grains.velocity[grain], grains.heat is not None
+        if self.heated:
+            self.coefficient = grains.heat.coefficient[grain]
+            self.heat_mobility = grains.heat.mobility[grain]
+            self.temperature = grains.heat.temperature[grain]
+        self.order = np.argsort(pieces.cell, kind="stable")
+        self.cells, self.start = np.unique(pieces.cell[self.order], return_index=True)
+        """Cells that have pieces, (c), and where theirs begin in the order of the cells."""
+        self.total_drag = self._by_cell(self.share * self.drag)
+        """sum s gamma, (c)."""
+
+    def _by_cell(self, values: Floats) -> Floats:
+        return np.add.reduceat(values[self.order], self.start, axis=0)
+
+    def _mean(self, values: Floats) -> Floats:
+        """Mean over the pieces of each grain."""
+        count = len(self.pieces.first) - 1
+        columns = values.reshape(len(values), -1).T
+        sums = [np.bincount(self.grain, self.share * column, count) for column in columns]
+        return np.stack(sums, axis=1).reshape(count, *values.shape[1:])
+
+    def flow(self, stabilisation: Stabilisation, density: float, weight: Floats) -> tuple[Floats, Floats]:
+        """Terms of the grains in momentum and mass, their stabilisation included.
+
+        -<f_p, v + xi (U . grad) v> - <phi v*, grad q> - (xi / rho) <f_p, grad q>, and the weight of the fluid that the
+        grains displace, <phi rho g (1 - beta (T - T_R)), ..> in the same tests. ``weight`` holds the nodal values of
+        rho g (1 - beta (T - T_R)), (n, D). The fluid's own weight is then that of a cell without grains: with the
+        voidage made of the pieces, as in V grad p, a fluid at rest between held grains solves the discrete equations.
+
+        Returns matrices (c, B, D + 1, B, D + 1) and right-hand sides (c, B, D + 1).
+        """
+        phi, s, V, gamma, a, b = self.shape, self.share, self.volume, self.drag, self.mobility, self.velocity
+        pairs = phi[:, :, None] * phi[:, None, :]
+        drag = self._by_cell((s * gamma * (1 - a * gamma))[:, None, None] * pairs)
+        pressure = self._by_cell((s * V * (a * gamma - 1))[:, None] * phi)
+        carried = self._by_cell((s * V * a * gamma)[:, None] * phi)
+        diffusion = self._by_cell(s * V**2 * a)
+        volume_flux = self._by_cell((s * V)[:, None] * b)
+        force = self._by_cell((s * gamma)[:, None, None] * phi[:, :, None] * b[:, None, :])
+        solid = self._by_cell((s * V)[:, None, None] * pairs)
+        force -= solid @ weight[self.mesh.nodes[self.cells]]
+
+        gradient = self.mesh.gradient[self.cells]
+        time = stabilisation.time[self.cells, None]
+        along = time * np.einsum("ci,cai->ca", stabilisation.direction[self.cells], gradient)
+        across = time[..., None] / density * gradient
+        # Residual of the grains in a cell: drag u + pressure grad p - force.
+        drag_sum, pressure_sum, force_sum = drag.sum(axis=1), pressure.sum(axis=1), force.sum(axis=1)
+        drag = drag + along[:, :, None] * drag_sum[:, None, :]
+        pressure = pressure + along * pressure_sum[:, None]
+        force = force + along[:, :, None] * force_sum[:, None, :]
+
+        count, B, D = gradient.shape
+        matrix = np.zeros((count, B, D + 1, B, D + 1))
+        for i in range(D):
+            matrix[:, :, i, :, i] = drag
+        matrix[:, :, :D, :, D] = np.einsum("ca,cbi->caib", pressure, gradient)
+        matrix[:, :, D, :, :D] = np.einsum("cai,cb->cabi", across, drag_sum)
+        matrix[:, :, D, :, :D] -= np.einsum("cai,cb->cabi", gradient, carried)
+        matrix[:, :, D, :, D] = np.einsum("cai,cbi->cab", across * pressure_sum[:, None, None], gradient)
+        matrix[:, :, D, :, D] += diffusion[:, None, None] * np.einsum("cai,cbi->cab", gradient, gradient)
+        rhs = np.zeros((count, B, D + 1))
+        rhs[:, :, :D] = force
+        rhs[:, :, D] = np.einsum("cai,ci->ca", gradient, volume_flux)
+        rhs[:, :, D] += np.einsum("cai,ci->ca", across, force_sum)
+        return matrix, rhs
+
+    def energy(self, direction: Floats, time: Floats) -> tuple[Floats, Floats]:
+        """-<q_p, S + xi_T U . grad S> with U (m, D) and xi_T (m): matrices (c, B, B) and right-hand sides (c, B)."""
+        phi, hA = self.shape, self.share * self.coefficient
+        slip = hA * (1 - self.heat_mobility * self.coefficient)
+        exchange = self._by_cell(slip[:, None, None] * phi[:, :, None] * phi[:, None, :])
+        given = self._by_cell((hA * self.temperature)[:, None] * phi)
+        gradient = self.mesh.gradient[self.cells]
+        along = time[self.cells, None] * np.einsum("ci,cai->ca", direction[self.cells], gradient)
+        matrix = exchange + along[:, :, None] * exchange.sum(axis=1)[:, None, :]
+        return matrix, given + along * given.sum(axis=1)[:, None]
+
+    def _at(self, fields: Fields) -> tuple[Floats, Floats]:
+        """u and grad p at the pieces, (q, D) each."""
+        u = np.einsum("qa,qai->qi", self.shape, fields.velocity[self.nodes])
+        return u, np.einsum("qa,qai->qi", fields.pressure[self.nodes], self.gradient)
+
+    def _temperature(self, fields: Fields) -> Floats:
+        return np.einsum("qa,qa->q", self.shape, fields.temperature[self.nodes])
+
+    def _law(self, u: Floats, slope: Floats) -> Floats:
+        """v* at the pieces, (q, D)."""
+        push = self.drag[:, None] * u - self.volume[:, None] * slope
+        return self.velocity + self.mobility[:, None] * push
+
+    def solid_flux(self, fields: Fields) -> Floats:
+        """Nodal projection (A.15) of phi v, v the law v* at the given fields, (n, D)."""
+        moved = (self.share * self.volume)[:, None] * self._law(*self._at(fields))
+        flux = np.zeros_like(fields.velocity)
+        np.add.at(flux, self.nodes, self.shape[:, :, None] * moved[:, None, :])
+        return flux / self.mesh.nodal_volume[:, None]
+
+    def sample(self, fields: Fields) -> AtGrains:
+        """Means of the fields over the pieces of each grain."""
+        u, slope = self._at(fields)
+        temperature = None
+        if fields.temperature is not None:
+            temperature = self._mean(self._temperature(fields))
+        return AtGrains(self._mean(u), self._mean(slope), temperature)
+
+    def exchanged(self, fields: Fields) -> tuple[Floats, float]:
+        """Force (N) and heat (W) that the fluid gives to all grains, summed piece by piece."""
+        u, slope = self._at(fields)
+        force = self.drag[:, None] * (u - self._law(u, slope)) - self.volume[:, None] * slope
+        heat = 0.0
+        if self.heated:
+            T, hA = self._temperature(fields), self.coefficient
+            heat = float(self.share @ (hA * (T - self.temperature - self.heat_mobility * hA * T)))
+        return self.share @ force, heat
