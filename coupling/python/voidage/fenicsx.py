@@ -317,7 +317,7 @@ class Linear:
             cells, matrices, loads = blocks
             mine = self.layout.owned_cell[cells]
             dofs = self.layout.dof[self.cells[cells[mine]]]
-            dense = matrices[mine].reshape(len(dofs), -1)
+            dense = matrices[mine].reshape(len(dofs), (dofs.shape[1] * self.components) ** 2)
             A.setValuesBlockedLocalRCV(dofs, dofs, dense, PETSc.InsertMode.ADD_VALUES)
             with b.localForm() as local:
                 loads = loads[mine].reshape(*dofs.shape, self.components)
