@@ -317,7 +317,7 @@ class Linear:
             cells, matrices, loads = blocks
             mine = self.layout.owned_cell[cells]
             dofs = self.layout.dof[self.cells[cells[mine]]]
-            dense = matrices[mine].reshape(len(dofs), -1)
+            dense = matrices[mine].reshape(len(dofs), (dofs.shape[1] * self.components) ** 2)
             A.setValuesBlockedLocalRCV(dofs, dofs, dense, PETSc.InsertMode.ADD_VALUES)
             with b.localForm() as local:
                 loads = loads[mine].reshape(*dofs.shape, self.components)
@@ -356,17 +356,23 @@ class Linear:
             return ksp
         ksp.setType("fgmres")
         ksp.setTolerances(rtol=0.5 * self.tolerance, max_it=500)
+        ksp.setGMRESRestart(100)
         if self.components == 1:
             pc.setType("hypre")
             return ksp
         pc.setType("fieldsplit")
         start, stop = A.getOwnershipRange()
         dofs = np.arange(start, stop, dtype=PETSc.IntType).reshape(-1, self.components)
-        parts = {"u": dofs[:, :-1], "p": dofs[:, -1:]}
-        pc.setFieldSplitIS(*((name, PETSc.IS().createGeneral(rows.ravel(), A.comm)) for name, rows in parts.items()))
+        velocity, pressure = (
+            PETSc.IS().createGeneral(part.ravel(), A.comm) for part in (dofs[:, :-1], dofs[:, -1:])
+        )
+        velocity.setBlockSize(self.components - 1)
+        pc.setFieldSplitIS(("u", velocity), ("p", pressure))
         pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
-        pc.setFieldSplitSchurFactType(PETSc.PC.SchurFactType.FULL)
-        pc.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.SELFP)
+        pc.setFieldSplitSchurFactType(PETSc.PC.SchurFactType.UPPER)
+        # The stabilisation and the grains' mobility make the pressure block a fair complement of itself; with the
+        # diagonal of the velocity block instead (SELFP), 40 % fewer iterations in a stream, none end in a packed bed.
+        pc.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.A11)
         pc.setUp()
         for part in pc.getFieldSplitSubKSP():
             part.setType("preonly")
