@@ -251,6 +251,13 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
     Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume })
 }
 
+/// All that the fluid solver of a scene is told once; `None` without fluid.
+pub fn setup(scene: &Scene) -> Option<Setup<2>> {
+    let fluid = scene.fluid.as_ref()?;
+    let conditions = fluid.boundaries.iter().map(condition).collect();
+    Some(Setup::new(properties(scene, fluid), heat(fluid), numerics(fluid), conditions))
+}
+
 fn backend(
     scene: &Scene,
     described: &scene::Fluid,

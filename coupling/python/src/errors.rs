@@ -26,13 +26,21 @@ impl Raised {
     /// The exception of an error that may come from Python: its cause is then what was raised there. Interrupts are
     /// raised as they are.
     pub fn exception(&self, py: Python<'_>, error: &Error) -> PyErr {
-        let Some(cause) = self.slot().take() else { return exception(error) };
-        if !cause.is_instance_of::<PyException>(py) {
-            return cause;
+        match self.slot().take() {
+            None => exception(error),
+            Some(cause) if !cause.is_instance_of::<PyException>(py) => cause,
+            Some(cause) => {
+                let outer = exception(error);
+                outer.set_cause(py, Some(cause));
+                outer
+            }
         }
-        let outer = exception(error);
-        outer.set_cause(py, Some(cause));
-        outer
+    }
+
+    /// Raises what was kept without an error of Rust.
+    pub fn check(&self, py: Python<'_>) -> PyResult<()> {
+        let kept = self.slot().as_ref().map(|raised| Error::Run(raised.to_string()));
+        kept.map_or(Ok(()), |error| Err(self.exception(py, &error)))
     }
 
     fn slot(&self) -> std::sync::MutexGuard<'_, Option<PyErr>> {

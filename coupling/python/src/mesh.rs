@@ -2,6 +2,7 @@
 
 use crate::arrays::{Column, finite_numbers, integers, vectors};
 use crate::errors::exception;
+use crate::solver::piece_arrays;
 use numpy::{AllowTypeChange, PyArrayLike2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -77,17 +78,12 @@ impl Overlap {
     ) -> PyResult<Bound<'py, PyTuple>> {
         let position = vectors(&finite_numbers(position, "position", None, 2)?);
         let radius = finite_numbers(radius, "radius", Some(position.len()), 1)?;
-        let (first, cell, shape, share) = py.detach(|| {
+        let pieces = py.detach(|| {
             let mut cutter = self.cutter();
             cutter.cut(&position, &radius).map_err(|error| exception(&error.into()))?;
-            let pieces = &cutter.pieces;
-            let shape = (0..pieces.len()).flat_map(|piece| pieces.shape::<3>(piece)).collect();
-            let shape = Column { numbers: shape, width: 3 };
-            Ok::<_, PyErr>((pieces.first.clone(), pieces.cell.clone(), shape, pieces.share.clone()))
+            Ok::<_, PyErr>(cutter.pieces.clone())
         })?;
-        let share = Column { numbers: share, width: 1 };
-        (integers(py, &first, 1)?, integers(py, &cell, 1)?, shape.into_array(py)?, share.into_array(py)?)
-            .into_pyobject(py)
+        piece_arrays(py, &pieces)
     }
 
     /// Voidage at the nodes (n,), with `volume` (g,) the solid volumes of the grains cut last, m3 (m2 in the plane).

@@ -1,23 +1,26 @@
 //! Whole simulations driven from Python.
 
 use crate::columns::{Columns, Group, Owner};
-use crate::errors::Raised;
+use crate::errors::{Raised, exception};
 use crate::mesh::Mesh;
 use crate::report;
 use crate::scheme::PythonScheme;
+use crate::solver::PythonFluid;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use voidage_coupling::backend::FluidBackend;
 use voidage_coupling::recorder::{Checkpoint, Stamp};
-use voidage_coupling::scene::{Scene, Time};
+use voidage_coupling::scene::{Scene, Solver, Time};
 use voidage_coupling::{Coupled, StepReport};
 
 /// A scene in motion.
 ///
-/// `scene` is the path of a scene file, `set` changes keys of it, as in ["fluid.solver.newton=2"]. `fluid` is a solver
-/// in this process, an object with the methods of `voidage.Solver`; without it the scene says which. `scheme` is the
+/// `scene` is the path of a scene file, `set` changes keys of it, as in ["fluid.solver.newton=2"]. `fluid` is the
+/// name of a solver as `voidage run --fluid` has it, or a solver in this process, an object with the methods of
+/// `voidage.Solver`; without it the scene says which. `scheme` is the
 /// name of a coupling scheme or an object with a method `step(system, dt)`. `restart` is a checkpoint of the same
 /// scene to go on from. `threads` is the number of threads of this process; results do not depend on it.
 #[pyclass(module = "voidage")]
@@ -32,11 +35,12 @@ pub struct Simulation {
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (scene, set=vec![], *, scheme=None, restart=None, threads=None))]
+    #[pyo3(signature = (scene, set=vec![], *, fluid=None, scheme=None, restart=None, threads=None))]
     fn new(
         py: Python<'_>,
         scene: PathBuf,
         set: Vec<String>,
+        fluid: Option<Bound<'_, PyAny>>,
         scheme: Option<Bound<'_, PyAny>>,
         restart: Option<PathBuf>,
         threads: Option<usize>,
@@ -44,32 +48,19 @@ impl Simulation {
         if let Some(threads) = threads {
             start_threads(threads)?;
         }
-        let raised = Raised::default();
-        let (name, object) = match scheme {
-            Some(scheme) => match scheme.extract::<String>() {
-                Ok(name) => (Some(name), None),
-                Err(_) => (None, Some(PythonScheme::new(&scheme, raised.clone())?)),
-            },
-            None => (None, None),
-        };
-        let set: Vec<String> =
-            set.into_iter().chain(name.map(|name| format!("coupling.scheme={name:?}"))).collect();
-        let (scene, mut inner) = py
-            .detach(|| {
-                let scene = Scene::read(&scene, &set)?;
-                let inner = match &restart {
-                    None => voidage_coupling::Simulation::new(&scene)?,
-                    Some(file) => {
-                        let checkpoint = Checkpoint::read(file, &scene.hash()?)?;
-                        voidage_coupling::Simulation::restart(&scene, &checkpoint)?
-                    }
-                };
-                Ok((scene, inner))
-            })
-            .map_err(|error| raised.exception(py, &error))?;
-        if let Some(scheme) = object {
-            inner.coupled_mut().set_scheme(Box::new(scheme));
+        let (raised, mut set) = (Raised::default(), set);
+        let fluid = Choice::new(fluid);
+        let scheme = Choice::new(scheme);
+        if let Some(name) = &fluid.name {
+            set.push(format!("fluid.backend.solver={}", solver_setting(name)?));
         }
+        set.extend(scheme.name.iter().map(|name| format!("coupling.scheme={name:?}")));
+        let mut scene = Scene::read(&scene, &set).map_err(|error| exception(&error))?;
+        let fluid = fluid.object.map(|object| python_fluid(&mut scene, &object, &raised)).transpose()?;
+        let scheme = scheme.object.map(|object| PythonScheme::new(&object, raised.clone())).transpose()?;
+        let inner = py
+            .detach(|| build(&scene, fluid, scheme, restart.as_deref()))
+            .map_err(|error| raised.exception(py, &error))?;
         Ok(Self { inner: Mutex::new(inner), scene, last: StepReport::default(), raised })
     }
 
@@ -176,7 +167,8 @@ impl Simulation {
         let inner = self.inner();
         let report = py.detach(|| inner.step()).map_err(|error| raised.exception(py, &error))?;
         self.last = report;
-        Ok(())
+        // Accepting a solution cannot fail in Rust; in Python it can.
+        raised.check(py)
     }
 
     /// Works on the coupled system between two steps, without the interpreter.
@@ -194,6 +186,64 @@ impl Simulation {
         this.py()
             .detach(|| work(inner.coupled_mut()))
             .map_err(|error| raised.exception(this.py(), &error))
+    }
+}
+
+/// A choice by name, or by an object to use.
+struct Choice<'py> {
+    name: Option<String>,
+    object: Option<Bound<'py, PyAny>>,
+}
+
+impl<'py> Choice<'py> {
+    fn new(value: Option<Bound<'py, PyAny>>) -> Self {
+        match value.as_ref().map(|value| value.extract::<String>()) {
+            Some(Ok(name)) => Self { name: Some(name), object: None },
+            _ => Self { name: None, object: value },
+        }
+    }
+}
+
+/// The value of `fluid.backend.solver` for a name.
+fn solver_setting(name: &str) -> PyResult<String> {
+    match Solver::named(name) {
+        Some(Solver::Python(module)) => Ok(format!("{{python={module:?}}}")),
+        Some(Solver::Attach(address)) => Ok(format!("{{attach={address:?}}}")),
+        Some(solver) => Ok(format!("{:?}", solver.name())),
+        None => Err(PyValueError::new_err(format!(
+            "fluid={name:?}: there is no such fluid solver\n  \
+             help: use rust, serve, fenicsx, scikit-fem, python:MODULE, attach:ADDRESS or an object"
+        ))),
+    }
+}
+
+/// The solver of an object, in the place of that of the scene.
+fn python_fluid(scene: &mut Scene, object: &Bound<'_, PyAny>, raised: &Raised) -> PyResult<PythonFluid> {
+    let Some(setup) = voidage_coupling::build::setup(scene) else {
+        return Err(PyValueError::new_err("`fluid` is given, but the scene has no fluid"));
+    };
+    scene.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
+    PythonFluid::new(object, &setup, raised.clone())
+}
+
+fn build(
+    scene: &Scene,
+    fluid: Option<PythonFluid>,
+    scheme: Option<PythonScheme>,
+    restart: Option<&Path>,
+) -> voidage_coupling::Result<voidage_coupling::Simulation> {
+    let mut simulation = voidage_coupling::Simulation::new(scene)?;
+    let coupled = simulation.coupled_mut();
+    if let Some(scheme) = scheme {
+        coupled.set_scheme(Box::new(scheme));
+    }
+    if let (Some(mut solver), Some(fluid)) = (fluid, &mut coupled.fluid) {
+        solver.start(&fluid.mesh, &fluid.backend.fields()?)?;
+        fluid.backend = Box::new(solver);
+    }
+    match restart {
+        None => Ok(simulation),
+        Some(file) => simulation.restart(&Checkpoint::read(file, &scene.hash()?)?),
     }
 }
 

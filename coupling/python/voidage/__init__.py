@@ -1,11 +1,29 @@
 """Grains in a finite element fluid.
 
 ``Simulation`` runs a scene; a fluid solver or a coupling scheme written in Python can be plugged into it. A solver is
-one class with the four methods of :class:`voidage.solver.Solver`; ``python -m voidage.adapter MODULE:CLASS --connect
-ADDRESS`` makes it a process that ``voidage run`` exchanges with. All quantities are in SI units, in the plane per metre
-of depth.
+one class with the four methods of :class:`Solver`; ``python -m voidage.adapter MODULE:CLASS --connect ADDRESS`` makes
+it a process that ``voidage run`` exchanges with. All quantities are in SI units, in the plane per metre of depth.
 """
 
-from ._voidage import Columns, GrainState, Mesh, Overlap, Simulation, System, __version__
+from ._voidage import Answer, Columns, Frame, GrainState, Mesh, Overlap, Peer, Simulation, System, __version__
+from .solver import AtGrains, Fields, Pieces, Problem, Report, Solver, Step
 
-__all__ = ["Columns", "GrainState", "Mesh", "Overlap", "Simulation", "System", "__version__"]
+__all__ = [
+    "Answer",
+    "AtGrains",
+    "Columns",
+    "Fields",
+    "Frame",
+    "GrainState",
+    "Mesh",
+    "Overlap",
+    "Peer",
+    "Pieces",
+    "Problem",
+    "Report",
+    "Simulation",
+    "Solver",
+    "Step",
+    "System",
+    "__version__",
+]
