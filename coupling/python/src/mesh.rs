@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Mutex, PoisonError};
 use voidage_coupling::overlap;
+use voidage_fluid::Vector;
 use voidage_fluid::exchange::Pieces;
 
 /// A mesh of triangles. `points` (n, 2), m; `cells` (m, 3), node numbers, positively oriented; `boundaries`, nodes of
@@ -60,7 +61,7 @@ impl Overlap {
     fn new(points: &Bound<'_, PyAny>, cells: &Bound<'_, PyAny>) -> PyResult<Self> {
         let points = vectors(&finite_numbers(points, "points", None, 2)?);
         let cells = node_numbers(cells, points.len())?;
-        let mesh = voidage_fluid::Mesh { points, cells, boundaries: Vec::new() };
+        let mesh = whole_mesh(points, cells)?;
         let overlap = overlap::Overlap::new(&mesh).map_err(|error| exception(&error.into()))?;
         let nodal_volume = mesh.nodal_volume();
         Ok(Self(Mutex::new(Cutter { mesh, nodal_volume, overlap, pieces: Pieces::default() })))
@@ -111,8 +112,20 @@ impl Overlap {
 }
 
 impl Cutter {
-    fn cut(&mut self, position: &[voidage_fluid::Vector<2>], radius: &[f64]) -> voidage_fluid::Result<()> {
+    fn cut(&mut self, position: &[Vector<2>], radius: &[f64]) -> voidage_fluid::Result<()> {
         self.overlap.cut(&self.mesh, position, radius, &mut self.pieces).map(drop)
+    }
+}
+
+/// A mesh without names on its boundary.
+fn whole_mesh(points: Vec<Vector<2>>, cells: Vec<u32>) -> PyResult<voidage_fluid::Mesh<2>> {
+    let wrong = |text: String| PyValueError::new_err(text);
+    let mesh = voidage_fluid::Mesh::with_boundaries(points, cells.clone(), &[String::new()], |_| Ok(0))
+        .and_then(|mesh| mesh.check().map(|()| mesh))
+        .map_err(|error| wrong(error.to_string()))?;
+    match mesh.cells.iter().zip(&cells).position(|(turned, given)| turned != given) {
+        Some(k) => Err(wrong(format!("cell {} is negatively oriented", k / 3))),
+        None => Ok(mesh),
     }
 }
 
