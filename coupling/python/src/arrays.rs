@@ -48,7 +48,12 @@ fn frozen<T: numpy::Element>(py: Python<'_>, numbers: Vec<T>, width: usize) -> P
 }
 
 /// The numbers of an array-like of shape `(rows, width)`, or `(rows,)` for width 1; any number of rows without `rows`.
-pub fn numbers(value: &Bound<'_, PyAny>, name: &str, rows: Option<usize>, width: usize) -> PyResult<Vec<f64>> {
+pub fn numbers(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+    rows: Option<usize>,
+    width: usize,
+) -> PyResult<Vec<f64>> {
     let array: PyArrayLikeDyn<'_, f64, AllowTypeChange> = value
         .extract()
         .map_err(|error| PyValueError::new_err(format!("`{name}` is no array of numbers: {error}")))?;

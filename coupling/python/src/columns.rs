@@ -170,7 +170,10 @@ fn fluid(coupled: &mut Coupled<2>, name: &str) -> Result<Option<Column>> {
     if name == "voidage" {
         // Where the grains are now, and not where they were in the last step.
         coupled.cut_grains(&mut StepReport::default())?;
-        return Ok(coupled.interaction.as_ref().map(|interaction| interaction.load.voidage.as_slice().into()));
+        return Ok(coupled
+            .interaction
+            .as_ref()
+            .map(|interaction| interaction.load.voidage.as_slice().into()));
     }
     let Some(fluid) = &mut coupled.fluid else { return Ok(None) };
     let fields = fluid.backend.fields()?;

@@ -55,9 +55,8 @@ impl Peer {
         let receiver = Mutex::new(receiver);
         loop {
             py.check_signals()?;
-            let waited = py.detach(|| {
-                receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK)
-            });
+            let waited =
+                py.detach(|| receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK));
             match waited {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {

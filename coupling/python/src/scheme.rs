@@ -32,8 +32,7 @@ impl Scheme<2> for PythonScheme {
     fn step(&mut self, coupled: &mut Coupled<2>, dt: f64) -> Result<StepReport> {
         Python::attach(|py| {
             let steps = coupled.steps();
-            let system =
-                Bound::new(py, System::default()).map_err(|raised| self.raised.keep(py, raised))?;
+            let system = Bound::new(py, System::default()).map_err(|raised| self.raised.keep(py, raised))?;
             // Python may keep the system: it is lent what it works on, and gives it back.
             system.get().lend(Held { coupled: std::mem::take(coupled), report: StepReport::default(), dt });
             let outcome = self.object.bind(py).call_method1("step", (&system, dt));

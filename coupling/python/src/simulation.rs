@@ -183,9 +183,7 @@ impl Simulation {
         })?;
         let raised = simulation.raised.clone();
         let inner = simulation.inner();
-        this.py()
-            .detach(|| work(inner.coupled_mut()))
-            .map_err(|error| raised.exception(this.py(), &error))
+        this.py().detach(|| work(inner.coupled_mut())).map_err(|error| raised.exception(this.py(), &error))
     }
 }
 

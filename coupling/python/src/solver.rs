@@ -10,10 +10,10 @@ use std::sync::Arc;
 use voidage_coupling::backend::{FluidBackend, FluidReport, FluidStep, GrainLoad};
 use voidage_coupling::protocol::Setup;
 use voidage_coupling::{Error, Result};
+use voidage_fluid::Vector;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::exchange::{AtBodies, Pieces};
 use voidage_fluid::flow::{Report, State};
-use voidage_fluid::Vector;
 
 /// A solver in Python, behind a `voidage.adapter.Driver`.
 pub struct PythonFluid {
@@ -80,8 +80,9 @@ impl FluidBackend<2> for PythonFluid {
             let grains = step.grains.as_ref();
             let columns = grains.map(|grains| load_columns(py, grains.load)).transpose()?;
             let pieces = grains.map(|grains| piece_arrays(py, &grains.load.pieces)).transpose()?;
-            let voidage =
-                grains.map(|grains| Column::from(grains.load.voidage.as_slice()).into_array(py)).transpose()?;
+            let voidage = grains
+                .map(|grains| Column::from(grains.load.voidage.as_slice()).into_array(py))
+                .transpose()?;
             let answer = driver.call_method1("solve", (step.dt, conditions, columns, pieces, voidage))?;
             let (at, report): (Bound<'_, PyAny>, Bound<'_, PyAny>) = answer.extract()?;
             if let Some(grains) = grains {
@@ -106,10 +107,7 @@ impl FluidBackend<2> for PythonFluid {
 }
 
 /// Nodal fields as a dictionary of arrays.
-pub fn field_arrays<'py, const D: usize>(
-    py: Python<'py>,
-    fields: &State<D>,
-) -> PyResult<Bound<'py, PyDict>> {
+pub fn field_arrays<'py, const D: usize>(py: Python<'py>, fields: &State<D>) -> PyResult<Bound<'py, PyDict>> {
     let arrays = PyDict::new(py);
     arrays.set_item("velocity", Column::from(fields.velocity.as_slice()).into_array(py)?)?;
     arrays.set_item("pressure", Column::from(fields.pressure.as_slice()).into_array(py)?)?;
