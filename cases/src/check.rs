@@ -87,6 +87,7 @@ fn fluid(scene: &Scene) -> Result<()> {
     part("  thin cell", fluid.thin_cell.as_ref(), |cell| {
         format!("drag {} kg/m3/s{}", cell.drag, if cell.heat.is_some() { ", heat" } else { "" })
     });
+    line("  solver", fluid.backend.clone().unwrap_or_default().solver.name());
     Ok(())
 }
 

@@ -1,8 +1,15 @@
 //! Whether this machine has what the program needs.
 
 use std::path::Path;
+use std::process::Stdio;
 use voidage_coupling::Result;
+use voidage_coupling::launch::{SYSTEM_PYTHON, interpreter, python};
 use voidage_coupling::recorder::write_whole;
+use voidage_coupling::transport::shared::free_bytes;
+
+const MEBIBYTE: f64 = (1 << 20) as f64;
+/// Shared memory for some hundred thousand grains, bytes.
+const ENOUGH: u64 = 512 << 20;
 
 /// Prints one line per need; exit code 1 if one is not met.
 pub fn doctor() -> Result<u8> {
@@ -17,8 +24,23 @@ pub fn doctor() -> Result<u8> {
         Some(free) => println!("free memory         {:.1} GiB", free / 1024f64.powi(3)),
         None => println!("free memory         unknown"),
     }
-    println!("fluid solver rust   available");
-    println!("fluid solvers fenicsx, scikit-fem, python   not available in this version");
+    println!("solver rust, serve  available");
+    match free_bytes() {
+        Some(free) if free < ENOUGH => println!(
+            "shared memory       {:.0} MiB free, little: mount -o remount,size=1G /dev/shm (in a container \
+             --shm-size=1g), or run with --transport tcp",
+            free as f64 / MEBIBYTE
+        ),
+        Some(free) => println!("shared memory       {:.0} MiB free", free as f64 / MEBIBYTE),
+        None => println!("shared memory       there is no /dev/shm: run with --transport tcp"),
+    }
+    let system = Path::new(SYSTEM_PYTHON);
+    let dolfinx = "apt-get install --no-install-recommends python3-dolfinx".to_owned();
+    python_solver("fenicsx", system, &[("dolfinx", dolfinx), package(system)]);
+    let other = interpreter();
+    let scikit = format!("{} -m pip install scikit-fem", other.display());
+    python_solver("scikit-fem", &other, &[("skfem", scikit), package(&other)]);
+    python_solver("python", &other, &[package(&other)]);
     let probe = Path::new(".voidage-doctor");
     let writable = write_whole(probe, |file| file.write_all(&[0; 4096]));
     // What cannot be removed was not written either; the line below says so.
@@ -31,6 +53,29 @@ pub fn doctor() -> Result<u8> {
         }
     }
     Ok(0)
+}
+
+/// Prints whether an interpreter has the modules that a solver needs, and what installs those that it has not.
+fn python_solver(name: &str, interpreter: &Path, modules: &[(&str, String)]) {
+    let missing: Vec<_> = modules.iter().filter(|(module, _)| !has_module(interpreter, module)).collect();
+    let python = interpreter.display();
+    if missing.is_empty() {
+        println!("{:<20}available, {python}", format!("solver {name}"));
+    }
+    for (module, command) in missing {
+        println!("{:<20}needs the module {module} in {python}: {command}", format!("solver {name}"));
+    }
+}
+
+fn has_module(interpreter: &Path, module: &str) -> bool {
+    let mut probe = python(interpreter, &["-c", &format!("import {module}")]);
+    probe.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    probe.status().is_ok_and(|status| status.success())
+}
+
+/// The package of this project, and what installs it.
+fn package(interpreter: &Path) -> (&'static str, String) {
+    ("voidage", format!("{} -m pip install ./coupling/python", interpreter.display()))
 }
 
 /// Bytes of memory that are free, where the system tells.

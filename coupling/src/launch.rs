@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+/// The Python that Debian's dolfinx is for.
+pub const SYSTEM_PYTHON: &str = "/usr/bin/python3";
 /// How long a solver may take to end after the farewell, or after it has died.
 const END: Duration = Duration::from_secs(2);
 /// Lines of the log that an error shows.
@@ -36,18 +38,18 @@ impl Default for Host {
 /// # Errors
 /// It cannot be started, or does not come.
 pub fn remote<const D: usize>(backend: &Backend, host: &Host, setup: &Setup<D>) -> Result<RemoteFluid<D>> {
-    let timeout = Duration::from_secs_f64(backend.timeout());
+    let timeout = Duration::try_from_secs_f64(backend.timeout()).unwrap_or(Duration::MAX);
     let name = backend.solver.name();
     if let Solver::Attach(address) = &backend.solver {
         let address: Address = address.parse().map_err(Error::Input)?;
-        let (channel, _) = transport::listen(&address)?;
+        let (channel, _) = transport::listen(&address, timeout)?;
         return RemoteFluid::new(channel, None, name, timeout, setup);
     }
     let address = match backend.transport.unwrap_or_default() {
         Transport::Shm => Address::unique(),
         Transport::Tcp => Address::any_port(),
     };
-    let (channel, address) = transport::listen(&address)?;
+    let (channel, address) = transport::listen(&address, timeout)?;
     let process = Process::start(command(&backend.solver, host, &address), &host.log)?;
     RemoteFluid::new(channel, Some(process), name, timeout, setup)
 }
@@ -55,9 +57,9 @@ pub fn remote<const D: usize>(backend: &Backend, host: &Host, setup: &Setup<D>) 
 /// The command that starts a solver.
 fn command(solver: &Solver, host: &Host, address: &Address) -> Command {
     let mut command = match solver {
-        Solver::Fenicsx => python(Path::new("/usr/bin/python3"), &["voidage.fenicsx"]),
-        Solver::ScikitFem => python(&interpreter(), &["voidage.scikit_fem"]),
-        Solver::Python(module) => python(&interpreter(), &["voidage.adapter", module]),
+        Solver::Fenicsx => python(Path::new(SYSTEM_PYTHON), &["-m", "voidage.fenicsx"]),
+        Solver::ScikitFem => python(&interpreter(), &["-m", "voidage.scikit_fem"]),
+        Solver::Python(module) => python(&interpreter(), &["-m", "voidage.adapter", module]),
         Solver::Rust | Solver::Serve | Solver::Attach(_) => {
             let mut command = Command::new(&host.program);
             command.arg("serve");
@@ -69,9 +71,10 @@ fn command(solver: &Solver, host: &Host, address: &Address) -> Command {
     command
 }
 
-fn python(interpreter: &Path, module: &[&str]) -> Command {
+/// An interpreter that finds the package `voidage`, with arguments.
+pub fn python(interpreter: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(interpreter);
-    command.arg("-m").args(module);
+    command.args(arguments);
     if let Some(folder) = package() {
         let mut path = folder.into_os_string();
         if let Some(others) = std::env::var_os("PYTHONPATH") {
@@ -100,13 +103,15 @@ pub fn interpreter() -> PathBuf {
 
 /// The folder of the Python package `voidage`: `$VOIDAGE_PYTHONPATH`, or `coupling/python` above this folder or the
 /// program; `None` if the interpreter must find it itself.
-pub fn package() -> Option<PathBuf> {
+fn package() -> Option<PathBuf> {
     if let Some(folder) = std::env::var_os("VOIDAGE_PYTHONPATH") {
         return Some(folder.into());
     }
     let places = [std::env::current_dir().ok(), std::env::current_exe().ok()];
     let above = places.iter().flatten().flat_map(|place| place.ancestors());
-    above.map(|folder| folder.join("coupling/python")).find(|folder| folder.join("voidage/__init__.py").exists())
+    above
+        .map(|folder| folder.join("coupling/python"))
+        .find(|folder| folder.join("voidage/__init__.py").exists())
 }
 
 /// A solver that was started here. It is ended with this value.
@@ -151,10 +156,13 @@ impl Process {
     /// How it ended, if it did, and the last lines of its log.
     pub fn last_words(&mut self, error: &PeerError) -> String {
         let mut words = String::new();
-        if matches!(error, PeerError::Gone)
-            && let Some(status) = self.wait(END / 4)
-        {
-            words = format!(" ({status})");
+        match error {
+            PeerError::Gone => {
+                words = self.wait(END / 4).map_or(words, |status| format!(" ({status})"));
+            }
+            // It would not hear a farewell.
+            PeerError::Silent { .. } => self.kill(),
+            _ => {}
         }
         let log = fs::read_to_string(&self.log).unwrap_or_default();
         let lines: Vec<&str> = log.lines().collect();
@@ -164,6 +172,12 @@ impl Process {
             last.iter().for_each(|line| words.push_str(&format!("\n    {line}")));
         }
         words
+    }
+
+    fn kill(&mut self) {
+        // Both only fail if it has ended after all.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 
     fn wait(&mut self, limit: Duration) -> Option<std::process::ExitStatus> {
@@ -181,9 +195,7 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         if self.wait(END).is_none() {
-            // Both only fail if it has ended after all.
-            let _ = self.child.kill();
-            let _ = self.child.wait();
+            self.kill();
         }
     }
 }

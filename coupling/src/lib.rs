@@ -306,8 +306,7 @@ impl<const D: usize> Coupled<D> {
             }
             _ => (None, &mut none),
         };
-        let step =
-            FluidStep { number: self.steps + 1, time: self.time, dt, grains, conditions: &conditions };
+        let step = FluidStep { number: self.steps + 1, time: self.time, dt, grains, conditions: &conditions };
         let solved = fluid.backend.solve(&step, at)?;
         report.phases.energy += solved.solver.heat_s;
         report.phases.flow += solved.solver.flow_s;

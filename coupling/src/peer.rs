@@ -107,10 +107,7 @@ impl Peer {
         let length = numbers_for_text(text);
         let mut payload = self.loan(length)?;
         write_text(text, payload.payload_mut());
-        self.answer(
-            &Header { text: text.len() as u64, length: length as u64, ..Header::new(kind) },
-            payload,
-        )
+        self.answer(&Header { text: text.len() as u64, length: length as u64, ..Header::new(kind) }, payload)
     }
 }
 

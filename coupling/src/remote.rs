@@ -4,8 +4,8 @@ use crate::backend::{FluidBackend, FluidReport, FluidStep};
 use crate::error::{Error, PeerError, Result};
 use crate::launch::Process;
 use crate::protocol::{
-    ACCEPT, FieldsMessage, Greeting, Header, Kind, MeshMessage, Setup, StepMessage,
-    numbers_for_text, read_fields, read_solution, write_text,
+    ACCEPT, FieldsMessage, Greeting, Header, Kind, MeshMessage, Setup, StepMessage, numbers_for_text,
+    read_fields, read_solution, write_text,
 };
 use crate::transport::{self, Channel, Frame};
 use std::sync::Arc;
@@ -49,7 +49,8 @@ impl<const D: usize> RemoteFluid<D> {
         timeout: Duration,
         setup: &Setup<D>,
     ) -> Result<Self> {
-        let id = blake3::hash(format!("{:?} {}", std::time::SystemTime::now(), std::process::id()).as_bytes());
+        let id =
+            blake3::hash(format!("{:?} {}", std::time::SystemTime::now(), std::process::id()).as_bytes());
         let run = u64::from_le_bytes(std::array::from_fn(|i| id.as_bytes()[i]));
         let last = Header { run, ..Header::default() };
         let conditions = setup.conditions.clone();

@@ -30,12 +30,17 @@ pub fn serve(address: &Address, wait: Duration) -> Result<()> {
         }
         other => Err(Error::Run(format!("scenes in {other} dimensions are not built yet"))),
     };
-    if let Err(error) = &outcome
-        && !matches!(error, Error::Peer(PeerError::Gone))
-    {
-        peer.fail(&error.to_string())?;
+    match outcome {
+        Err(Error::Peer(PeerError::Gone)) => {
+            Err(Error::Run(format!("the run at {address} is gone: it was killed, or the connection broke")))
+        }
+        Err(error) => {
+            // If the run cannot be told either, the first error is the cause.
+            let _ = peer.fail(&error.to_string());
+            Err(error)
+        }
+        Ok(()) => Ok(()),
     }
-    outcome
 }
 
 /// What a mesh brings with it.

@@ -1,8 +1,9 @@
 //! The columns of a frame: which are there, how wide they are, where they lie.
 
-use super::Header;
+use super::{Header, Kind};
 use crate::error::PeerError;
 use std::ops::Range;
+use voidage_fluid::Vector;
 
 /// Rows are padded to a multiple of this, so that every column starts at a cache line.
 const PAD: usize = 8;
@@ -51,14 +52,8 @@ pub const COLUMNS: [Column; 11] = [
 ];
 
 /// Columns of a step.
-pub const STEP: &[Column] = &[
-    Column::Position,
-    Column::Radius,
-    Column::Volume,
-    Column::Drag,
-    Column::Mobility,
-    Column::Velocity,
-];
+pub const STEP: &[Column] =
+    &[Column::Position, Column::Radius, Column::Volume, Column::Drag, Column::Mobility, Column::Velocity];
 /// Further columns of a step with heat.
 pub const STEP_HEAT: &[Column] = &[Column::HeatCoefficient, Column::HeatMobility, Column::Temperature];
 /// Columns of a solution.
@@ -133,7 +128,6 @@ impl Layout {
         optional: &[Column],
         offset: usize,
     ) -> Result<Self, PeerError> {
-        let wrong = |text: String| Err(PeerError::Protocol(text));
         let bits = |set: &[Column]| set.iter().fold(0, |mask, column| mask | column.bit());
         let (needed, more) = (bits(required), header.mask & !bits(required));
         if header.mask & needed != needed || (more != 0 && more != bits(optional)) {
@@ -168,4 +162,65 @@ impl Layout {
         let there = COLUMNS.iter().filter(|c| self.mask & c.bit() != 0 && (**c as u32) < number);
         there.map(|column| column.width(self.dimension)).sum()
     }
+}
+
+/// Writing and reading columns.
+impl Layout {
+    pub(super) fn put(&self, payload: &mut [f64], column: Column, values: &[f64]) {
+        if let Some(range) = self.range(column) {
+            payload[range].copy_from_slice(values);
+        }
+    }
+
+    pub(super) fn put_vectors<const D: usize>(
+        &self,
+        payload: &mut [f64],
+        column: Column,
+        values: &[Vector<D>],
+    ) {
+        if let Some(range) = self.range(column) {
+            payload[range]
+                .chunks_exact_mut(D)
+                .zip(values)
+                .for_each(|(to, v)| to.copy_from_slice(v.as_slice()));
+        }
+    }
+
+    pub(super) fn get(&self, payload: &[f64], column: Column, out: &mut Vec<f64>) {
+        out.clear();
+        out.extend(self.range(column).into_iter().flat_map(|range| &payload[range]));
+    }
+
+    pub(super) fn get_vectors<const D: usize>(
+        &self,
+        payload: &[f64],
+        column: Column,
+        out: &mut Vec<Vector<D>>,
+    ) {
+        out.clear();
+        if let Some(range) = self.range(column) {
+            out.extend(payload[range].chunks_exact(D).map(Vector::from_column_slice));
+        }
+    }
+
+    /// The header of a frame of these columns with so many numbers in all.
+    pub fn describe(&self, kind: Kind, length: usize) -> Header {
+        Header {
+            rows: self.rows as u64,
+            stride: self.stride as u64,
+            mask: self.mask,
+            length: length as u64,
+            ..Header::new(kind)
+        }
+    }
+}
+
+/// Columns that are there with heat only.
+pub(super) fn with_heat(columns: &'static [Column], heat: bool) -> &'static [Column] {
+    if heat { columns } else { &[] }
+}
+
+/// The answer to what is no frame of this protocol.
+pub(super) fn wrong<T>(text: String) -> Result<T, PeerError> {
+    Err(PeerError::Protocol(text))
 }

@@ -17,12 +17,14 @@
 
 mod columns;
 mod header;
+mod mesh;
 mod messages;
+#[cfg(test)]
+mod tests;
 mod text;
 
 pub use columns::{COLUMNS, Column, FIELDS, HEAT, Layout, SOLUTION, STEP, STEP_HEAT};
 pub use header::{ACCEPT, HEADER_BYTES, Header, Kind, MAGIC, VERSION};
-pub use messages::{
-    FieldsMessage, MeshMessage, SolutionMessage, StepMessage, read_fields, read_mesh, read_solution, read_step,
-};
+pub use mesh::{FieldsMessage, MeshMessage, read_fields, read_mesh};
+pub use messages::{SolutionMessage, StepMessage, read_solution, read_step};
 pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

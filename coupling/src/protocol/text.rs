@@ -29,10 +29,7 @@ pub fn write_text(text: &str, payload: &mut [f64]) {
 pub fn read_text(header: &Header, payload: &[f64]) -> Result<String, PeerError> {
     let bytes = header.text as usize;
     let Some(start) = payload.len().checked_sub(bytes.div_ceil(8)) else {
-        return Err(PeerError::Protocol(format!(
-            "a text of {bytes} bytes in {} numbers",
-            payload.len()
-        )));
+        return Err(PeerError::Protocol(format!("a text of {bytes} bytes in {} numbers", payload.len())));
     };
     let mut text: Vec<u8> = payload[start..].iter().flat_map(|number| number.to_le_bytes()).collect();
     text.truncate(bytes);

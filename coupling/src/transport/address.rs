@@ -35,9 +35,9 @@ impl FromStr for Address {
                 Ok(Address::Shared(run.into()))
             }
             Some(("tcp", place))
-                if place.rsplit_once(':').is_some_and(|(host, port)| {
-                    !host.is_empty() && port.parse::<u16>().is_ok()
-                }) =>
+                if place
+                    .rsplit_once(':')
+                    .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok()) =>
             {
                 Ok(Address::Tcp(place.into()))
             }

@@ -7,6 +7,8 @@ mod address;
 mod frame;
 pub mod shared;
 pub mod tcp;
+#[cfg(test)]
+mod tests;
 
 pub use address::Address;
 pub use frame::{Frame, Loan};
@@ -55,15 +57,16 @@ pub trait Channel: Send {
     fn pulse(&self) -> Pulse;
 }
 
-/// The channel of the grains at an address, and the address that the solver must be given. With TCP port 0 means any.
+/// The channel of the grains at an address, and the address that the solver must be given. With TCP port 0 means any, and
+/// `silence` is the longest time that the solver may take nothing of a frame.
 ///
 /// # Errors
 /// The address is in use, or there is no shared memory.
-pub fn listen(address: &Address) -> Result<(Box<dyn Channel>, Address), PeerError> {
+pub fn listen(address: &Address, silence: Duration) -> Result<(Box<dyn Channel>, Address), PeerError> {
     match address {
         Address::Shared(run) => Ok((Box::new(shared::Shared::create(run)?), address.clone())),
         Address::Tcp(place) => {
-            let (channel, place) = tcp::Tcp::listen(place)?;
+            let (channel, place) = tcp::Tcp::listen(place, silence.max(LOOK))?;
             Ok((Box::new(channel), Address::Tcp(place)))
         }
     }
@@ -78,7 +81,9 @@ pub fn connect(address: &Address, wait: Duration) -> Result<Box<dyn Channel>, Pe
     loop {
         let attempt: Result<Option<Box<dyn Channel>>, PeerError> = match address {
             Address::Shared(run) => shared::Shared::open(run).map(|open| open.map(|c| Box::new(c) as _)),
-            Address::Tcp(place) => tcp::Tcp::connect(place).map(|open| open.map(|c| Box::new(c) as _)),
+            Address::Tcp(place) => {
+                tcp::Tcp::connect(place, wait.max(LOOK)).map(|open| open.map(|c| Box::new(c) as _))
+            }
         };
         match attempt? {
             Some(channel) => return Ok(channel),

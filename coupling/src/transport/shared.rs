@@ -52,7 +52,7 @@ pub struct Shared {
 }
 
 /// Bytes free where shared memory lies; `None` where that is not a file system.
-fn free_bytes() -> Option<u64> {
+pub fn free_bytes() -> Option<u64> {
     let stat = rustix::fs::statvfs("/dev/shm").ok()?;
     Some(stat.f_bavail * stat.f_frsize)
 }
@@ -77,10 +77,16 @@ fn cannot<E: Debug>(what: &str) -> impl Fn(E) -> PeerError + '_ {
     move |error| PeerError::Channel(format!("shared memory: cannot {what}: {error:?}"))
 }
 
-/// A node of this process, in the name space of voidage. What processes left that were killed is removed first.
-fn node() -> Result<Node<Ipc>, PeerError> {
+/// The name space of voidage.
+fn config() -> Result<Config, PeerError> {
     let mut config = Config::default();
     config.global.prefix = FileName::new(b"voidage_").map_err(cannot("make a name"))?;
+    Ok(config)
+}
+
+/// A node of this process. What processes left that were killed is removed first.
+fn node() -> Result<Node<Ipc>, PeerError> {
+    let config = config()?;
     let builder = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
     let node = builder.create::<Ipc>().map_err(cannot("make a node"))?;
     node.try_cleanup_dead_nodes();
@@ -139,21 +145,18 @@ impl Shared {
     /// # Errors
     /// The run has its solver already, or is of another version.
     pub fn open(run: &str) -> Result<Option<Self>, PeerError> {
-        let node = node()?;
-        let exists = |direction, pattern| {
-            Ipc::does_exist(&name(run, direction)?, node.config(), pattern).map_err(cannot("look for a run"))
-        };
-        // The grains make their services in this order.
-        if !exists(TO_GRAINS, MessagingPattern::Event)? {
+        // The last service that the grains make.
+        let last = name(run, TO_GRAINS)?;
+        if !Ipc::does_exist(&last, &config()?, MessagingPattern::Event).map_err(cannot("look for a run"))? {
             return Ok(None);
         }
+        let node = node()?;
         let data = |direction| {
             let builder = node.service_builder(&name(run, direction)?).publish_subscribe::<[f64]>();
             builder.user_header::<Header>().open().map_err(occupied(run))
         };
-        let events = |direction| {
-            node.service_builder(&name(run, direction)?).event().open().map_err(occupied(run))
-        };
+        let events =
+            |direction| node.service_builder(&name(run, direction)?).event().open().map_err(occupied(run));
         let (incoming, out) = (data(TO_FLUID)?, data(TO_GRAINS)?);
         let (wait, wake) = (events(TO_FLUID)?, events(TO_GRAINS)?);
         Self::new(node, out, incoming, (wake, wait), true).map(Some)

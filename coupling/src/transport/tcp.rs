@@ -8,8 +8,14 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Longest pause inside a frame.
-const PAUSE: Duration = Duration::from_secs(10);
+/// A frame of which a part has been read.
+#[derive(Default)]
+struct Partial {
+    header: Header,
+    payload: Vec<f64>,
+    /// Bytes read, those of the header first.
+    read: usize,
+}
 
 /// An end of a TCP connection.
 pub struct Tcp {
@@ -19,29 +25,37 @@ pub struct Tcp {
     stream: Option<TcpStream>,
     /// For writing: heartbeats must not get into a frame.
     writer: Arc<Mutex<Option<TcpStream>>>,
+    partial: Partial,
+    /// Longest time in which the other end takes nothing.
+    silence: Duration,
 }
 
 impl Tcp {
+    fn closed(silence: Duration) -> Self {
+        let (writer, partial) = (Arc::default(), Partial::default());
+        Self { listener: None, stream: None, writer, partial, silence }
+    }
+
     /// Listens at `HOST:PORT`, for one solver; also returns where, with the port that was chosen for port 0.
     ///
     /// # Errors
     /// The port is in use.
-    pub fn listen(place: &str) -> Result<(Self, String), PeerError> {
+    pub fn listen(place: &str, silence: Duration) -> Result<(Self, String), PeerError> {
         let cannot = |error: io::Error| PeerError::Channel(format!("cannot listen at tcp:{place}: {error}"));
         let listener = TcpListener::bind(place).map_err(cannot)?;
         listener.set_nonblocking(true).map_err(cannot)?;
         let place = listener.local_addr().map_err(cannot)?.to_string();
-        Ok((Self { listener: Some(listener), stream: None, writer: Arc::default() }, place))
+        Ok((Self { listener: Some(listener), ..Self::closed(silence) }, place))
     }
 
     /// Connects to the grains at `HOST:PORT`; `None` if nobody listens there yet.
     ///
     /// # Errors
     /// The address cannot be used at all.
-    pub fn connect(place: &str) -> Result<Option<Self>, PeerError> {
+    pub fn connect(place: &str, silence: Duration) -> Result<Option<Self>, PeerError> {
         match TcpStream::connect(place) {
             Ok(stream) => {
-                let mut channel = Self { listener: None, stream: None, writer: Arc::default() };
+                let mut channel = Self::closed(silence);
                 channel.use_stream(stream).map_err(broken)?;
                 Ok(Some(channel))
             }
@@ -53,7 +67,7 @@ impl Tcp {
     fn use_stream(&mut self, stream: TcpStream) -> io::Result<()> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
-        stream.set_write_timeout(Some(PAUSE))?;
+        stream.set_write_timeout(Some(self.silence))?;
         *self.writer.lock().unwrap_or_else(PoisonError::into_inner) = Some(stream.try_clone()?);
         self.stream = Some(stream);
         self.listener = None;
@@ -74,21 +88,41 @@ impl Tcp {
         Ok(true)
     }
 
-    fn read_frame(&mut self) -> Result<Frame, PeerError> {
+    /// Reads on; `None` if there is no whole frame in this time.
+    fn read_on(&mut self) -> Result<Option<Frame>, PeerError> {
         let Some(stream) = &mut self.stream else { return Err(PeerError::Gone) };
-        stream.set_read_timeout(Some(PAUSE)).map_err(broken)?;
-        let mut header = Header::default();
-        stream.read_exact(header_bytes_mut(&mut header)).map_err(broken)?;
-        // Before its length is believed.
-        header.kind()?;
-        let (mut payload, length) = (Vec::new(), header.length);
-        if length > isize::MAX as u64 / 8 || payload.try_reserve_exact(length as usize).is_err() {
-            return Err(PeerError::Protocol(format!("a frame that says it has {length} numbers")));
+        let Partial { header, payload, read } = &mut self.partial;
+        if *read < HEADER_BYTES && !fill(stream, header_bytes_mut(header), 0, read)? {
+            return Ok(None);
         }
-        payload.resize(length as usize, 0.0);
-        stream.read_exact(bytes_mut(&mut payload)).map_err(broken)?;
-        Frame::owned(header, payload)
+        if payload.is_empty() {
+            // Before its length is believed.
+            header.kind()?;
+            let length = header.length;
+            if length > isize::MAX as u64 / 8 || payload.try_reserve_exact(length as usize).is_err() {
+                return Err(PeerError::Protocol(format!("a frame that says it has {length} numbers")));
+            }
+            payload.resize(length as usize, 0.0);
+        }
+        if !fill(stream, bytes_mut(payload), HEADER_BYTES, read)? {
+            return Ok(None);
+        }
+        let Partial { header, payload, .. } = std::mem::take(&mut self.partial);
+        Frame::owned(header, payload).map(Some)
     }
+}
+
+/// Fills a part of a frame that starts at `start`, of which `read` bytes are there; `false` if it takes longer.
+fn fill(stream: &mut TcpStream, part: &mut [u8], start: usize, read: &mut usize) -> Result<bool, PeerError> {
+    while *read < start + part.len() {
+        match stream.read(&mut part[*read - start..]) {
+            Ok(0) => return Err(PeerError::Gone),
+            Ok(count) => *read += count,
+            Err(error) if is_wait(&error) => return Ok(false),
+            Err(error) => return Err(broken(error)),
+        }
+    }
+    Ok(true)
 }
 
 impl Channel for Tcp {
@@ -97,7 +131,10 @@ impl Channel for Tcp {
     }
 
     fn send(&mut self, header: &Header, mut payload: Loan) -> Result<(), PeerError> {
-        write(&self.writer, header, payload.payload_mut())
+        write(&self.writer, header, payload.payload_mut()).map_err(|error| match is_wait(&error) {
+            true => PeerError::Silent { seconds: self.silence.as_secs_f64() },
+            false => broken(error),
+        })
     }
 
     fn poll(&mut self, wait: Duration) -> Result<Event, PeerError> {
@@ -108,15 +145,13 @@ impl Channel for Tcp {
         }
         let Some(stream) = &self.stream else { return Err(PeerError::Gone) };
         stream.set_read_timeout(Some(wait)).map_err(broken)?;
-        match stream.peek(&mut [0]) {
-            Ok(0) => Err(PeerError::Gone),
-            Ok(_) => {
-                let frame = self.read_frame()?;
-                let beat = frame.kind() == Kind::Heartbeat;
-                Ok(if beat { Event::Heartbeat } else { Event::Frame(frame) })
-            }
-            Err(error) if is_wait(&error) => Ok(Event::Nothing),
-            Err(error) => Err(broken(error)),
+        let before = self.partial.read;
+        match self.read_on()? {
+            Some(frame) if frame.kind() == Kind::Heartbeat => Ok(Event::Heartbeat),
+            Some(frame) => Ok(Event::Frame(frame)),
+            // A long frame on its way is a sign of life.
+            None if self.partial.read > before => Ok(Event::Heartbeat),
+            None => Ok(Event::Nothing),
         }
     }
 
@@ -129,10 +164,11 @@ impl Channel for Tcp {
     }
 }
 
-fn write(writer: &Mutex<Option<TcpStream>>, header: &Header, payload: &[f64]) -> Result<(), PeerError> {
+fn write(writer: &Mutex<Option<TcpStream>>, header: &Header, payload: &[f64]) -> io::Result<()> {
     let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
-    let Some(stream) = writer.as_mut() else { return Err(PeerError::Gone) };
-    stream.write_all(header_bytes(header)).and_then(|()| stream.write_all(bytes(payload))).map_err(broken)
+    let Some(stream) = writer.as_mut() else { return Err(ErrorKind::BrokenPipe.into()) };
+    stream.write_all(header_bytes(header))?;
+    stream.write_all(bytes(payload))
 }
 
 fn is_wait(error: &io::Error) -> bool {
@@ -144,7 +180,6 @@ fn broken(error: io::Error) -> PeerError {
     use ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
     match error.kind() {
         BrokenPipe | ConnectionAborted | ConnectionReset | UnexpectedEof => PeerError::Gone,
-        _ if is_wait(&error) => PeerError::Silent { seconds: PAUSE.as_secs_f64() },
         _ => PeerError::Channel(format!("the connection failed: {error}")),
     }
 }

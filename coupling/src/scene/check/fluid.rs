@@ -73,7 +73,8 @@ fn check_backend(scene: &Scene, backend: &Backend) -> Checked {
         _ => (true, true),
     };
     if backend.transport.is_some() && !started {
-        let message = format!("`fluid.backend.transport` is there, but the solver {name} is not started here");
+        let message =
+            format!("`fluid.backend.transport` is there, but the solver {name} is not started here");
         let help = "take it away, or choose a solver in a process of its own, such as serve";
         return fail(scene, "fluid.backend.transport", message, help);
     }

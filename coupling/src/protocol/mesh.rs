@@ -1,0 +1,188 @@
+//! The frames of meshes and nodal fields.
+
+use super::columns::{with_heat, wrong};
+use super::text::{numbers_for_text, write_text};
+use super::{Column, FIELDS, HEAT, Header, Kind, Layout, read_text};
+use crate::error::PeerError;
+use std::ops::Range;
+use voidage_fluid::flow::State;
+use voidage_fluid::mesh::Boundary;
+use voidage_fluid::{Mesh, Vector};
+
+/// Nodal fields: the answer to a request, or accepted fields for a mesh that is there.
+pub struct FieldsMessage<'a, const D: usize> {
+    fields: &'a State<D>,
+    layout: Layout,
+}
+
+impl<'a, const D: usize> FieldsMessage<'a, D> {
+    /// Fields that start at this place of the payload.
+    fn at(fields: &'a State<D>, offset: usize) -> Self {
+        let heat = with_heat(HEAT, fields.temperature.is_some());
+        Self { fields, layout: Layout::new(D, fields.pressure.len(), &[FIELDS, heat], offset) }
+    }
+
+    /// Fields alone.
+    pub fn new(fields: &'a State<D>) -> Self {
+        Self::at(fields, 0)
+    }
+
+    /// Its header, [`Kind::Fields`] or [`Kind::State`].
+    pub fn header(&self, kind: Kind) -> Header {
+        self.layout.describe(kind, self.layout.end())
+    }
+
+    /// Writes the payload.
+    pub fn write(&self, payload: &mut [f64]) {
+        self.layout.put_vectors(payload, Column::Velocity, &self.fields.velocity);
+        self.layout.put(payload, Column::Pressure, &self.fields.pressure);
+        if let Some(temperature) = &self.fields.temperature {
+            self.layout.put(payload, Column::Temperature, temperature);
+        }
+    }
+}
+
+fn fields_at<const D: usize>(header: &Header, payload: &[f64], offset: usize) -> Result<State<D>, PeerError> {
+    let layout = Layout::of(header, D, FIELDS, HEAT, offset)?;
+    let mut state = State { velocity: Vec::new(), pressure: Vec::new(), temperature: None };
+    layout.get_vectors(payload, Column::Velocity, &mut state.velocity);
+    layout.get(payload, Column::Pressure, &mut state.pressure);
+    if layout.range(Column::Temperature).is_some() {
+        layout.get(payload, Column::Temperature, state.temperature.get_or_insert_default());
+    }
+    Ok(state)
+}
+
+/// Reads fields for a mesh of `nodes` nodes.
+///
+/// # Errors
+/// Columns are missing or of another length.
+pub fn read_fields<const D: usize>(
+    header: &Header,
+    payload: &[f64],
+    nodes: usize,
+) -> Result<State<D>, PeerError> {
+    if header.rows as usize != nodes {
+        return wrong(format!("fields of {} nodes, the mesh has {nodes}", header.rows));
+    }
+    fields_at(header, payload, 0)
+}
+
+/// Places in the payload of a mesh: nodes, nodes of cells, nodes of facets, cells behind facets. Numbers of nodes and
+/// cells are whole numbers of 8 bytes like all others.
+struct MeshPlaces {
+    points: Range<usize>,
+    cells: Range<usize>,
+    facets: Range<usize>,
+    behind: Range<usize>,
+}
+
+impl MeshPlaces {
+    fn of(header: &Header, dimension: usize) -> Self {
+        let points = header.rows as usize * dimension;
+        let cells = points + header.cells as usize * (dimension + 1);
+        let facets = cells + header.facets as usize * dimension;
+        let behind = facets + header.facets as usize;
+        Self { points: 0..points, cells: points..cells, facets: cells..facets, behind: facets..behind }
+    }
+}
+
+/// A mesh with accepted fields. The text names the parts of the boundary with their number of facets, in order.
+pub struct MeshMessage<'a, const D: usize> {
+    mesh: &'a Mesh<D>,
+    fields: &'a State<D>,
+    parts: String,
+}
+
+impl<'a, const D: usize> MeshMessage<'a, D> {
+    /// A mesh and the fields on it.
+    pub fn new(mesh: &'a Mesh<D>, fields: &'a State<D>) -> Self {
+        let parts: Vec<(&str, usize)> =
+            mesh.boundaries.iter().map(|part| (part.name.as_str(), part.cells.len())).collect();
+        Self { mesh, fields, parts: serde_json::json!(parts).to_string() }
+    }
+
+    fn counts(&self) -> Header {
+        Header {
+            rows: self.mesh.points.len() as u64,
+            cells: self.mesh.cell_count() as u64,
+            facets: self.mesh.boundaries.iter().map(|part| part.cells.len() as u64).sum(),
+            ..Header::default()
+        }
+    }
+
+    fn fields(&self) -> FieldsMessage<'_, D> {
+        FieldsMessage::at(self.fields, MeshPlaces::of(&self.counts(), D).behind.end)
+    }
+
+    /// Its header.
+    pub fn header(&self) -> Header {
+        let Header { cells, facets, .. } = self.counts();
+        let layout = self.fields().layout;
+        let length = layout.end() + numbers_for_text(&self.parts);
+        Header { cells, facets, text: self.parts.len() as u64, ..layout.describe(Kind::Mesh, length) }
+    }
+
+    /// Writes the payload.
+    pub fn write(&self, payload: &mut [f64]) {
+        let places = MeshPlaces::of(&self.counts(), D);
+        let points = self.mesh.points.iter().flat_map(|point| point.iter().copied());
+        payload[places.points].iter_mut().zip(points).for_each(|(to, from)| *to = from);
+        let parts = &self.mesh.boundaries;
+        put_numbers(&mut payload[places.cells], self.mesh.cells.iter());
+        put_numbers(&mut payload[places.facets], parts.iter().flat_map(|part| &part.facets));
+        put_numbers(&mut payload[places.behind], parts.iter().flat_map(|part| &part.cells));
+        self.fields().write(payload);
+        write_text(&self.parts, payload);
+    }
+}
+
+fn put_numbers<'a>(to: &mut [f64], numbers: impl Iterator<Item = &'a u32>) {
+    to.iter_mut().zip(numbers).for_each(|(to, number)| *to = f64::from(*number));
+}
+
+/// Whole numbers below `count`.
+fn numbers(from: &[f64], count: u64, what: &str) -> Result<Vec<u32>, PeerError> {
+    let convert = |value: &f64| {
+        let number = *value as u32;
+        if f64::from(number) == *value && u64::from(number) < count {
+            return Ok(number);
+        }
+        wrong(format!("a mesh with the {what} {value}, there are {count}"))
+    };
+    from.iter().map(convert).collect()
+}
+
+/// Reads a mesh and the fields on it.
+///
+/// # Errors
+/// Counts that do not fit the payload, nodes or cells that are not there.
+pub fn read_mesh<const D: usize>(header: &Header, payload: &[f64]) -> Result<(Mesh<D>, State<D>), PeerError> {
+    let limit = payload.len() as u64;
+    if header.rows > limit || header.cells > limit || header.facets > limit {
+        return wrong(format!("a mesh of {} nodes in {limit} numbers", header.rows));
+    }
+    let places = MeshPlaces::of(header, D);
+    let fields = fields_at(header, payload, places.behind.end)?;
+    let points = payload[places.points].chunks_exact(D).map(Vector::from_column_slice).collect();
+    let cells = numbers(&payload[places.cells], header.rows, "node")?;
+    let facets = numbers(&payload[places.facets], header.rows, "node")?;
+    let behind = numbers(&payload[places.behind], header.cells, "cell")?;
+    let parts: Vec<(String, usize)> = serde_json::from_str(&read_text(header, payload)?)
+        .or_else(|error| wrong(format!("the boundaries of a mesh: {error}")))?;
+    if parts.iter().map(|(_, count)| *count as u64).fold(0, u64::saturating_add) != header.facets {
+        return wrong(format!("boundaries {parts:?} of {} facets", header.facets));
+    }
+    let mut done = 0;
+    let boundary = |(name, count): (String, usize)| {
+        let range = done..done + count;
+        done += count;
+        Boundary {
+            name,
+            facets: facets[range.start * D..range.end * D].to_vec(),
+            cells: behind[range].to_vec(),
+        }
+    };
+    let boundaries = parts.into_iter().map(boundary).collect();
+    Ok((Mesh { points, cells, boundaries }, fields))
+}

@@ -1,0 +1,310 @@
+//! The fluid solver in another process: the same result, and every way in which a process can fail.
+
+use std::fs;
+use std::io::Write;
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use voidage_coupling::protocol::{Header, Kind};
+use voidage_coupling::transport::Address;
+
+const BED: &str = include_str!("bed.toml");
+/// A run that only ends by force.
+const ENDLESS: [&str; 2] = ["--set", "time.end=1000"];
+/// How soon the survivor of a dead process must end.
+const SOON: Duration = Duration::from_secs(2);
+
+fn voidage(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_voidage"));
+    command.current_dir(folder).stdout(Stdio::null()).stderr(Stdio::piped()).stdin(Stdio::null());
+    command
+}
+
+/// A folder with the small bed in it.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.toml"), BED).unwrap();
+    folder
+}
+
+fn start(folder: &Path, out: &str, options: &[&str]) -> Child {
+    let arguments = ["run", "scene.toml", "--quiet", "--threads", "1", "--out", out];
+    voidage(folder).args(arguments).args(options).spawn().unwrap()
+}
+
+/// Runs to the end; it must be a good one.
+fn run(folder: &Path, out: &str, options: &[&str]) -> PathBuf {
+    let (code, said) = end(start(folder, out, options));
+    assert_eq!(code, Some(0), "{said}");
+    folder.join(out)
+}
+
+/// Exit code and what was said.
+fn end(child: Child) -> (Option<i32>, String) {
+    let Output { status, stderr, .. } = child.wait_with_output().unwrap();
+    (status.code(), String::from_utf8(stderr).unwrap())
+}
+
+/// Waits for something to be so.
+fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !is_so() {
+        assert!(start.elapsed() < Duration::from_secs(60), "{what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Waits until a run is so many steps on its way.
+fn until_step(out: &Path, steps: usize) {
+    let rows = || fs::read_to_string(out.join("series.csv")).map_or(0, |text| text.lines().count());
+    until("the run does not get on", || rows() > steps + 1);
+}
+
+fn signal(signal: &str, process: u32) {
+    assert!(Command::new("kill").args([signal, &process.to_string()]).status().unwrap().success());
+}
+
+/// The only child of a process.
+fn child_of(process: u32) -> u32 {
+    let children = format!("/proc/{process}/task/{process}/children");
+    let text = fs::read_to_string(children).unwrap();
+    text.split_whitespace().next().expect("a fluid solver").parse().unwrap()
+}
+
+fn is_running(process: u32) -> bool {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    // A process that has ended and that nobody has asked about is a zombie.
+    stat.rsplit_once(") ").is_some_and(|(_, state)| !state.starts_with(['Z', 'X']))
+}
+
+fn assert_same(a: &Path, b: &Path) {
+    for name in ["checkpoint.voidage", "series.csv", "averages.csv"] {
+        assert!(fs::read(a.join(name)).unwrap() == fs::read(b.join(name)).unwrap(), "{name} differs");
+    }
+}
+
+#[test]
+fn serve_is_the_solver_of_this_process_bit_for_bit() {
+    let folder = folder();
+    let short = ["--set", "time.end=0.02"];
+    let here = run(folder.path(), "here", &short);
+    for (out, transport) in [("shm", "shm"), ("tcp", "tcp")] {
+        let options = [&["--fluid", "serve", "--transport", transport], &short[..]].concat();
+        assert_same(&here, &run(folder.path(), out, &options));
+    }
+    // The scene as resolved says the same, and the fluid alone and the ramp go the same way.
+    let scene = fs::read_to_string(folder.path().join("tcp/scene.toml")).unwrap();
+    assert!(scene.contains("solver = \"serve\"") && scene.contains("transport = \"tcp\""), "{scene}");
+    let ramped = [&["--set", "fluid.ramp=0.01"], &short[..]].concat();
+    let here = run(folder.path(), "ramped", &ramped);
+    assert_same(&here, &run(folder.path(), "ramped-serve", &[&["--fluid", "serve"], &ramped[..]].concat()));
+}
+
+#[test]
+fn a_solver_started_by_hand_is_attached() {
+    let folder = folder();
+    let short = ["--set", "time.end=0.02"];
+    let here = run(folder.path(), "here", &short);
+    for address in [Address::unique(), Address::Tcp("127.0.0.1:47311".into())] {
+        let address = address.to_string();
+        // In either order.
+        let solver = voidage(folder.path()).args(["serve", "--connect", &address]).spawn().unwrap();
+        let attach = format!("attach:{address}");
+        let out =
+            run(folder.path(), &address.replace(':', "-"), &[&["--fluid", &attach], &short[..]].concat());
+        assert_same(&here, &out);
+        let (code, said) = end(solver);
+        assert_eq!(code, Some(0), "{said}");
+    }
+}
+
+#[test]
+fn two_runs_at_once_do_not_meet() {
+    let folder = folder();
+    let options = ["--fluid", "serve", "--set", "time.end=0.02"];
+    let both = ["a", "b"].map(|out| start(folder.path(), out, &options));
+    for child in both {
+        let (code, said) = end(child);
+        assert_eq!(code, Some(0), "{said}");
+    }
+    assert_same(&folder.path().join("a"), &folder.path().join("b"));
+}
+
+#[test]
+fn a_killed_solver_ends_the_run_which_can_be_restarted() {
+    for transport in ["shm", "tcp"] {
+        let folder = folder();
+        let serve = ["--fluid", "serve", "--transport", transport];
+        let run_process = start(folder.path(), "out", &[&serve, &ENDLESS[..]].concat());
+        let out = folder.path().join("out");
+        until_step(&out, 15);
+        let killed = Instant::now();
+        signal("-KILL", child_of(run_process.id()));
+        let (code, said) = end(run_process);
+        assert!(killed.elapsed() < SOON, "{:?}", killed.elapsed());
+        assert_eq!(code, Some(1), "{said}");
+        for part in ["step ", "fluid solver serve", "it is gone (signal: 9", "the last checkpoint is"] {
+            assert!(said.contains(part), "{part} is not in\n{said}");
+        }
+        let steps = fs::read_to_string(out.join("series.csv")).unwrap().lines().count() - 2;
+        let last = format!("time.end={}", 1e-3 * (steps + 5) as f64);
+        let restart = ["--restart", "out/checkpoint.voidage", "--set", &last];
+        run(folder.path(), "out", &[&serve, &restart[..]].concat());
+        let straight = run(folder.path(), "straight", &["--set", &last]);
+        assert_same(&straight, &out);
+    }
+}
+
+#[test]
+fn a_hung_solver_ends_the_run_at_the_time_out() {
+    for transport in ["shm", "tcp"] {
+        let folder = folder();
+        let serve = ["--fluid", "serve", "--transport", transport, "--timeout", "1"];
+        let run_process = start(folder.path(), "out", &[&serve, &ENDLESS[..]].concat());
+        until_step(&folder.path().join("out"), 5);
+        let stopped = Instant::now();
+        signal("-STOP", child_of(run_process.id()));
+        let (code, said) = end(run_process);
+        assert!(stopped.elapsed() < Duration::from_secs(1) + SOON, "{:?}", stopped.elapsed());
+        assert_eq!(code, Some(1), "{said}");
+        assert!(said.contains("step ") && said.contains("silent for 1 s"), "{said}");
+        assert!(said.contains("--timeout"), "{said}");
+    }
+}
+
+#[test]
+fn the_error_of_a_solver_is_that_of_the_run() {
+    let folder = folder();
+    let closed = ["--set", "fluid.boundaries.outflow.flow=no-slip"];
+    let options = [&["--fluid", "serve"], &closed[..]].concat();
+    let (code, said) = end(start(folder.path(), "out", &options));
+    assert_eq!(code, Some(1), "{said}");
+    for part in ["step 1,", "fluid solver serve", "it reports:", "no boundary is open"] {
+        assert!(said.contains(part), "{part} is not in\n{said}");
+    }
+}
+
+#[test]
+fn a_solver_that_does_not_start_shows_its_log() {
+    let folder = folder();
+    let options = ["--fluid", "python:no_such_module"];
+    let (code, said) = end(start(folder.path(), "out", &options));
+    assert_eq!(code, Some(1), "{said}");
+    let log = fs::read_to_string(folder.path().join("out/solver.log")).unwrap();
+    let last = log.lines().last().unwrap();
+    assert!(said.contains("solver.log") && said.contains(last), "{said}");
+}
+
+/// What voidage has in shared memory, but for the one file of 16 bytes that all runs share for good.
+fn in_shared_memory() -> Vec<String> {
+    let entries = fs::read_dir("/dev/shm").into_iter().flatten();
+    let names = entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
+    names.filter(|name| name.starts_with("voidage_") && !name.ends_with(".global_mgmt")).collect()
+}
+
+/// Tests run side by side: only what is there before and after everything else counts.
+#[test]
+fn a_killed_run_takes_its_solver_with_it_and_nothing_stays_after_the_next_start() {
+    let folder = folder();
+    for transport in ["shm", "tcp"] {
+        let options = [&["--fluid", "serve", "--transport", transport], &ENDLESS[..]].concat();
+        let before = in_shared_memory();
+        let run_process = start(folder.path(), transport, &options);
+        until_step(&folder.path().join(transport), 5);
+        let solver = child_of(run_process.id());
+        let left: Vec<_> = in_shared_memory().into_iter().filter(|name| !before.contains(name)).collect();
+        signal("-KILL", run_process.id());
+        let killed = Instant::now();
+        end(run_process);
+        until("the solver goes on", || !is_running(solver));
+        assert!(killed.elapsed() < SOON, "{:?}", killed.elapsed());
+        // Both killed: here the solver had time to tidy up, so do it again.
+        let again = format!("{transport}-again");
+        let run_process = start(folder.path(), &again, &options);
+        until_step(&folder.path().join(&again), 5);
+        let solver = child_of(run_process.id());
+        signal("-STOP", solver);
+        signal("-KILL", run_process.id());
+        signal("-KILL", solver);
+        end(run_process);
+        run(folder.path(), "next", &["--fluid", "serve", "--set", "time.end=0.001"]);
+        let now = in_shared_memory();
+        let still: Vec<_> = left.iter().filter(|name| now.contains(name)).collect();
+        assert!(still.is_empty(), "{still:?}");
+    }
+}
+
+#[test]
+fn another_protocol_version_is_named() {
+    let folder = folder();
+    // A solver of another version.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    drop(listener);
+    let attach = format!("attach:tcp:127.0.0.1:{port}");
+    let run_process = start(folder.path(), "out", &["--fluid", &attach]);
+    let mut stream = None;
+    until("the run does not listen", || {
+        stream = TcpStream::connect(("127.0.0.1", port)).ok();
+        stream.is_some()
+    });
+    stream.unwrap().write_all(&hello_of_version(99)).unwrap();
+    let (code, said) = end(run_process);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("protocol version 99") && said.contains("install the same version"), "{said}");
+    // A run of another version.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp:{}", listener.local_addr().unwrap());
+    let solver = voidage(folder.path()).args(["serve", "--connect", &address]).spawn().unwrap();
+    let mut stream = listener.accept().unwrap().0;
+    stream.write_all(&hello_of_version(0)).unwrap();
+    let (code, said) = end(solver);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("protocol version 0"), "{said}");
+}
+
+/// The first bytes of a header: magic, version, kind.
+fn hello_of_version(version: u32) -> Vec<u8> {
+    let header = Header::new(Kind::Hello);
+    let mut bytes = header.magic.to_le_bytes().to_vec();
+    bytes.extend(version.to_le_bytes());
+    bytes.extend(header.kind.to_le_bytes());
+    bytes.resize(size_of::<Header>(), 0);
+    bytes
+}
+
+#[test]
+fn a_full_shared_memory_is_an_error_with_a_remedy() {
+    let folder = folder();
+    let script = "mount -t tmpfs -o size=1m tmpfs /dev/shm && exec \"$0\" \"$@\"";
+    let mut command = Command::new("unshare");
+    command.current_dir(folder.path()).args(["-m", "sh", "-c", script, env!("CARGO_BIN_EXE_voidage")]);
+    let output = command.args(["run", "scene.toml", "--quiet", "--fluid", "serve"]).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    if said.contains("unshare") || said.contains("mount:") {
+        eprintln!(
+            "no right to mount here, `a_small_shared_memory_is_an_error_before_it_is_full` has to do: {said}"
+        );
+        return;
+    }
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("1.0 MiB free") && said.contains("--transport tcp"), "{said}");
+}
+
+#[test]
+fn options_of_processes_are_checked() {
+    let folder = folder();
+    let wrong = [
+        (&["--fluid", "magic"][..], "there is no such fluid solver"),
+        (&["--fluid", "attach:nowhere"][..], "is no address"),
+        (&["--transport", "tcp"][..], "is not started here"),
+        (&["--timeout", "3"][..], "is in this process"),
+        (&["--fluid", "serve", "--timeout", "0"][..], "is not above 0"),
+    ];
+    for (options, what) in wrong {
+        let (code, said) = end(start(folder.path(), "out", options));
+        assert_eq!(code, Some(2), "{options:?}: {said}");
+        assert!(said.contains(what), "{options:?}: {said}");
+    }
+}
