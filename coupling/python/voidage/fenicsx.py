@@ -314,16 +314,20 @@ class Linear:
             local.set(0)
         petsc.assemble_vector(b, self.rhs_form)
         if blocks is not None:
-            cells, matrices, loads = blocks
-            mine = self.layout.owned_cell[cells]
-            dofs = self.layout.dof[self.cells[cells[mine]]]
-            dense = matrices[mine].reshape(len(dofs), (dofs.shape[1] * self.components) ** 2)
-            A.setValuesBlockedLocalRCV(dofs, dofs, dense, PETSc.InsertMode.ADD_VALUES)
-            with b.localForm() as local:
-                loads = loads[mine].reshape(*dofs.shape, self.components)
-                np.add.at(local.array.reshape(-1, self.components), dofs, loads)
+            self._add(*blocks)
         A.assemble()
         b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+
+    def _add(self, cells: Integers, matrices: Floats, loads: Floats) -> None:
+        mine = self.layout.owned_cell[cells]
+        if not mine.any():  # grains in the cells of other ranks only; petsc4py divides by this number
+            return
+        dofs = self.layout.dof[self.cells[cells[mine]]]
+        dense = matrices[mine].reshape(len(dofs), -1)
+        self.matrix.setValuesBlockedLocalRCV(dofs, dofs, dense, PETSc.InsertMode.ADD_VALUES)
+        with self.rhs.localForm() as local:
+            loads = loads[mine].reshape(*dofs.shape, self.components)
+            np.add.at(local.array.reshape(-1, self.components), dofs, loads)
 
     def _hold(self, free: Floats, value: Floats) -> tuple[PETSc.Mat, PETSc.Vec]:
         """P A + S (1 - P) and P b + S (1 - P) g, with P the projectors and S the diagonal of A."""
