@@ -17,7 +17,9 @@ from voidage.solver import Fields, GrainHeat, Grains, Pieces, Problem  # noqa: E
 def box(n: int, dimension: int, lower: float = 0.0, upper: float = 1.0):
     """A cube of n cells a side, each cut into D! simplices, and its sides as boundaries x0, x1, y0, .."""
     axis = np.linspace(lower, upper, n + 1)
-    points = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    points = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(
+        -1, dimension
+    )
     stride = (n + 1) ** np.arange(dimension - 1, -1, -1)
     corners = np.stack(np.meshgrid(*[np.arange(n)] * dimension, indexing="ij"), axis=-1)
     corners = corners.reshape(-1, dimension) @ stride
@@ -28,11 +30,15 @@ def box(n: int, dimension: int, lower: float = 0.0, upper: float = 1.0):
             offset[-2:] = offset[-1], offset[-2]
         cells.append(corners[:, None] + offset)
     cells = np.concatenate(cells)
-    return points, cells, {
-        f"{'xyz'[k]}{side}": _facets(points, cells, k, value, outward)
-        for k in range(dimension)
-        for side, value, outward in ((0, lower, -1.0), (1, upper, 1.0))
-    }
+    return (
+        points,
+        cells,
+        {
+            f"{'xyz'[k]}{side}": _facets(points, cells, k, value, outward)
+            for k in range(dimension)
+            for side, value, outward in ((0, lower, -1.0), (1, upper, 1.0))
+        },
+    )
 
 
 def _facets(points, cells, axis, value, outward):
@@ -59,14 +65,20 @@ def scatter(rng, points, cells, count: int = 25, held: bool = False):
     shape, share = rng.dirichlet(np.ones(dimension + 1), len(cell)), rng.random(len(cell)) + 0.1
     share /= np.repeat(np.add.reduceat(share, first[:-1]), np.diff(first))
     pieces = Pieces(first, cell, shape, share)
-    volume, drag, transfer = 0.2 * mesh.measure.sum() / count * rng.random(count), rng.random(count), rng.random(count)
+    volume, drag, transfer = (
+        0.2 * mesh.measure.sum() / count * rng.random(count),
+        rng.random(count),
+        rng.random(count),
+    )
     still = 0.0 if held else 1.0
     grains = Grains(
         volume,
         drag,
         still * 0.9 * rng.random(count) / drag,
         still * rng.standard_normal((count, dimension)),
-        GrainHeat(transfer, still * 0.9 * rng.random(count) / transfer, 300 + 20 * rng.random(count)),
+        GrainHeat(
+            transfer, still * 0.9 * rng.random(count) / transfer, 300 + 20 * rng.random(count)
+        ),
     )
     solid = np.zeros(len(points))
     np.add.at(solid, cells[cell], (share * np.repeat(volume, np.diff(first)))[:, None] * shape)

@@ -15,7 +15,10 @@ def node(box, *x):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_area_vectors_point_outward_and_close(dimension):
     box = problem(3, dimension)
-    areas = {name: area_vectors(box.points, facets).sum(axis=0) for name, facets in box.boundaries.items()}
+    areas = {
+        name: area_vectors(box.points, facets).sum(axis=0)
+        for name, facets in box.boundaries.items()
+    }
     for k in range(dimension):
         np.testing.assert_allclose(areas[f"{'xyz'[k]}1"], np.eye(dimension)[k], atol=1e-14)
         np.testing.assert_allclose(areas[f"{'xyz'[k]}0"], -np.eye(dimension)[k], atol=1e-14)
@@ -69,7 +72,10 @@ def test_a_closed_box_with_a_net_flux_is_refused():
 
 def test_the_later_temperature_wins():
     box = problem(2, 2)
-    conditions = [Condition("x0", NoSlip(), Temperature(300.0)), Condition("y0", NoSlip(), Temperature(310.0))]
+    conditions = [
+        Condition("x0", NoSlip(), Temperature(300.0)),
+        Condition("y0", NoSlip(), Temperature(310.0)),
+    ]
     free, value = hold_heat(box, conditions)
     assert value[node(box, 0, 0), 0] == 310 and value[node(box, 0, 1), 0] == 300
     assert free[node(box, 1, 1), 0, 0] == 1 and free[node(box, 0, 0), 0, 0] == 0

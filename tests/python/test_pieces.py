@@ -17,7 +17,9 @@ def case(request, rng):
     grains, pieces, _ = scatter(rng, box.points, box.cells)
     count = len(box.points)
     fields = Fields(
-        rng.standard_normal(box.points.shape), rng.standard_normal(count), 300 + rng.standard_normal(count)
+        rng.standard_normal(box.points.shape),
+        rng.standard_normal(count),
+        300 + rng.standard_normal(count),
     )
     return box, mesh, grains, pieces, PieceSums(mesh, pieces, grains), fields
 
@@ -29,13 +31,26 @@ def each_piece(mesh, pieces, fields):
             cell, phi = pieces.cell[q], pieces.shape[q]
             nodes, gradient = mesh.nodes[cell], mesh.gradient[cell]
             u, T = phi @ fields.velocity[nodes], phi @ fields.temperature[nodes]
-            yield grain, pieces.share[q], phi, cell, gradient, u, fields.pressure[nodes] @ gradient, T
+            yield (
+                grain,
+                pieces.share[q],
+                phi,
+                cell,
+                gradient,
+                u,
+                fields.pressure[nodes] @ gradient,
+                T,
+            )
 
 
 def test_flow_matrices_are_the_exchange_tested(case, rng):
     box, mesh, grains, pieces, sums, fields = case
     tau = Stabilisation(box, mesh, fields.velocity, 0.1, np.zeros(len(box.cells)))
-    weight, v, q = rng.standard_normal(box.points.shape), rng.standard_normal(box.points.shape), rng.standard_normal(len(box.points))
+    weight, v, q = (
+        rng.standard_normal(box.points.shape),
+        rng.standard_normal(box.points.shape),
+        rng.standard_normal(len(box.points)),
+    )
     matrix, rhs = sums.flow(tau, box.density, weight)
     nodes = box.cells[sums.cells]
     unknown = np.column_stack((fields.velocity, fields.pressure))[nodes]
@@ -49,7 +64,9 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
         force = V * slope - gamma * (u - law)
         around = box.cells[cell]
         slope_v, slope_q = v[around].T @ gradient, q[around] @ gradient
-        weighed = slope_v @ tau.direction[cell] * tau.time[cell] + slope_q * tau.time[cell] / box.density
+        weighed = (
+            slope_v @ tau.direction[cell] * tau.time[cell] + slope_q * tau.time[cell] / box.density
+        )
         expected -= s * force @ (phi @ v[around] + weighed) + s * V * law @ slope_q
         # The displaced weight: a product of P1 fields at the piece, its residual the mean test function.
         displaced = s * V * (phi @ weight[around])
@@ -59,15 +76,23 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
 
 def test_energy_matrices_are_the_exchange_tested(case, rng):
     box, mesh, grains, pieces, sums, fields = case
-    U, xi, S = mesh.mean(fields.velocity), rng.random(len(box.cells)), rng.standard_normal(len(box.points))
+    U, xi, S = (
+        mesh.mean(fields.velocity),
+        rng.random(len(box.cells)),
+        rng.standard_normal(len(box.points)),
+    )
     matrix, rhs = sums.energy(U, xi)
     nodes = box.cells[sums.cells]
-    tested = np.einsum("ca,cab,cb->", S[nodes], matrix, fields.temperature[nodes]) - np.sum(S[nodes] * rhs)
+    tested = np.einsum("ca,cab,cb->", S[nodes], matrix, fields.temperature[nodes]) - np.sum(
+        S[nodes] * rhs
+    )
     expected = 0.0
     for i, s, phi, cell, gradient, _, _, T in each_piece(mesh, pieces, fields):
         hA, around = grains.heat.coefficient[i], box.cells[cell]
         law = grains.heat.temperature[i] + grains.heat.mobility[i] * hA * T
-        expected += s * hA * (T - law) * (phi @ S[around] + xi[cell] * (S[around] @ gradient @ U[cell]))
+        expected += (
+            s * hA * (T - law) * (phi @ S[around] + xi[cell] * (S[around] @ gradient @ U[cell]))
+        )
     assert tested == pytest.approx(expected, rel=1e-12)
 
 
@@ -88,7 +113,9 @@ def test_what_the_fluid_loses_the_grains_gain(case):
     np.testing.assert_allclose(lost, force, atol=1e-13 * scale)
     columns = grains.heat
     warmed = columns.coefficient * (
-        at.temperature - columns.temperature - columns.mobility * columns.coefficient * at.temperature
+        at.temperature
+        - columns.temperature
+        - columns.mobility * columns.coefficient * at.temperature
     )
     assert heat == pytest.approx(warmed.sum(), abs=1e-13 * abs(warmed).sum())
 

@@ -67,7 +67,9 @@ class Holds:
                 self.free[node] -= _projector(directions)
 
 
-def _add_normals(normals: dict[int, list[Floats]], facets: Integers, areas: Floats, fixed: Floats) -> None:
+def _add_normals(
+    normals: dict[int, list[Floats]], facets: Integers, areas: Floats, fixed: Floats
+) -> None:
     for facet, area in zip(facets, areas, strict=True):
         for node in facet[~fixed[facet]]:
             held = normals.setdefault(int(node), [])

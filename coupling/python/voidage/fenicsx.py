@@ -31,7 +31,9 @@ from .finite_elements import FiniteElements, FlowData  # noqa: E402
 from .pieces import PieceSums  # noqa: E402
 from .solver import Condition, Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step  # noqa: E402
 
-QUADRATURE = {"quadrature_degree": 4}  # the upwind terms on facets are not polynomials: the rule matters
+QUADRATURE = {
+    "quadrature_degree": 4
+}  # the upwind terms on facets are not polynomials: the rule matters
 
 
 class FEniCSx(FiniteElements):
@@ -54,14 +56,19 @@ class FEniCSx(FiniteElements):
         self.dx = ufl.dx(domain=domain, metadata=QUADRATURE)
         self.normal = ufl.FacetNormal(domain)
         self.part = {name: k for k, name in enumerate(problem.boundaries)}
-        self.ds = ufl.ds(domain=domain, subdomain_data=layout.facet_tags(problem), metadata=QUADRATURE)
+        self.ds = ufl.ds(
+            domain=domain, subdomain_data=layout.facet_tags(problem), metadata=QUADRATURE
+        )
         self.time_step = fem.Constant(domain, 1.0)
         self.eps, self.old = layout.nodal(), layout.nodal(problem.dimension)
         self.flow_systems: dict[tuple, FlowSystem] = {}
         self.heat_systems: dict[tuple, HeatSystem] = {}
 
     def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
-        kinds = tuple((c.boundary, _transfers_heat(c)) for c in step.conditions), step.sources is not None
+        kinds = (
+            tuple((c.boundary, _transfers_heat(c)) for c in step.conditions),
+            step.sources is not None,
+        )
         if kinds not in self.heat_systems:
             self.heat_systems[kinds] = HeatSystem(self, *kinds)
         self._fill_common(step)
@@ -76,7 +83,10 @@ class FEniCSx(FiniteElements):
     def _flow(
         self, step: Step, sums: PieceSums | None, data: FlowData, about: Floats, report: Report
     ) -> tuple[Floats, Floats]:
-        kinds = tuple((c.boundary, isinstance(c.flow, Open)) for c in step.conditions), step.sources is not None
+        kinds = (
+            tuple((c.boundary, isinstance(c.flow, Open)) for c in step.conditions),
+            step.sources is not None,
+        )
         if kinds not in self.flow_systems:
             self.flow_systems[kinds] = FlowSystem(self, *kinds)
         self._fill_common(step)
@@ -153,7 +163,13 @@ class FlowSystem:
     """Forms of momentum and mass for one set of open boundaries."""
 
     def __init__(self, solver: FEniCSx, kinds: tuple[tuple[str, bool], ...], sources: bool):
-        problem, layout, dx, ds, n = solver.problem, solver.layout, solver.dx, solver.ds, solver.normal
+        problem, layout, dx, ds, n = (
+            solver.problem,
+            solver.layout,
+            solver.dx,
+            solver.ds,
+            solver.normal,
+        )
         D, self.layout = problem.dimension, layout
         mixed = compat.space(layout.domain, "CG", 1, D + 1)
         trial, test = ufl.TrialFunction(mixed), ufl.TestFunction(mixed)
@@ -166,8 +182,14 @@ class FlowSystem:
         )
         self.at, self.weight, self.solid_flux = (layout.nodal(D) for _ in range(3))
         self.share, self.xi, self.xi_c = layout.nodal(), layout.cellwise(), layout.cellwise()
-        self.xi_U, self.source_u, self.source_p = layout.cellwise(D), layout.nodal(D), layout.nodal()
-        self.pressure = {name: fem.Constant(layout.domain, 0.0) for name, is_open in kinds if is_open}
+        self.xi_U, self.source_u, self.source_p = (
+            layout.cellwise(D),
+            layout.nodal(D),
+            layout.nodal(),
+        )
+        self.pressure = {
+            name: fem.Constant(layout.domain, 0.0) for name, is_open in kinds if is_open
+        }
         at, xi, xi_c, xi_U = self.at, self.xi, self.xi_c, self.xi_U
 
         rate = eps * rho * (u / dt + dot(grad(u), at) + dot(grad(at), u)) + thin * u
@@ -185,7 +207,10 @@ class FlowSystem:
         force = eps * rho * (old / dt + dot(grad(at), at)) + self.share * self.weight
         rhs = dot(force, v + weighed) * dx - rho * xi_c * div(self.solid_flux) * div(v) * dx
         if sources:
-            rhs += dot(self.source_u, v + weighed) * dx + self.source_p * (q + rho * xi_c * div(v)) * dx
+            rhs += (
+                dot(self.source_u, v + weighed) * dx
+                + self.source_p * (q + rho * xi_c * div(v)) * dx
+            )
         for name, outside in self.pressure.items():
             part = ds(solver.part[name])
             matrix -= rho * eps * ufl.min_value(dot(old, n), 0) * dot(u, v) * part
@@ -205,7 +230,10 @@ class FlowSystem:
             (self.xi_U, tau.time[:, None] * tau.direction),
         ]
         if step.sources is not None:
-            coefficients += [(self.source_u, step.sources.momentum), (self.source_p, step.sources.mass)]
+            coefficients += [
+                (self.source_u, step.sources.momentum),
+                (self.source_p, step.sources.mass),
+            ]
         for field, values in coefficients:
             self.layout.fill(field, values)
         for condition in step.conditions:
@@ -217,18 +245,31 @@ class HeatSystem:
     """Forms of the energy equation for one set of boundaries that exchange heat."""
 
     def __init__(self, solver: FEniCSx, kinds: tuple[tuple[str, type | None], ...], sources: bool):
-        layout, dx, ds, n, heat = solver.layout, solver.dx, solver.ds, solver.normal, solver.problem.heat
+        layout, dx, ds, n, heat = (
+            solver.layout,
+            solver.dx,
+            solver.ds,
+            solver.normal,
+            solver.problem.heat,
+        )
         self.layout = layout
         T, S = ufl.TrialFunction(layout.space), ufl.TestFunction(layout.space)
         dt, eps, u = solver.time_step, solver.eps, solver.old
         C, k, wall, wall_T = (
             fem.Constant(layout.domain, value)
-            for value in (heat.capacity, heat.conductivity, heat.wall_coefficient, heat.wall_temperature)
+            for value in (
+                heat.capacity,
+                heat.conductivity,
+                heat.wall_coefficient,
+                heat.wall_temperature,
+            )
         )
         self.old, self.source = layout.nodal(), layout.nodal()
         self.xi_U = layout.cellwise(solver.problem.dimension)
         self.wall = {
-            name: [fem.Constant(layout.domain, 0.0) for _ in range(2)] for name, kind in kinds if kind is not None
+            name: [fem.Constant(layout.domain, 0.0) for _ in range(2)]
+            for name, kind in kinds
+            if kind is not None
         }
 
         along = dot(self.xi_U, grad(S))
@@ -277,11 +318,18 @@ class Linear:
         self.layout, self.cells = solver.layout, solver.problem.cells
         self.iterative, self.tolerance = solver.linear == "iterative", solver.problem.tolerance
         self.matrix_form, self.rhs_form = fem.form(matrix), fem.form(rhs)
-        self.matrix, self.rhs = petsc.create_matrix(self.matrix_form), petsc.create_vector(self.rhs_form)
+        self.matrix, self.rhs = (
+            petsc.create_matrix(self.matrix_form),
+            petsc.create_vector(self.rhs_form),
+        )
         self.components = self.rhs.block_size
 
     def solve(
-        self, blocks: tuple[Integers, Floats, Floats] | None, free: Floats, value: Floats, report: Report
+        self,
+        blocks: tuple[Integers, Floats, Floats] | None,
+        free: Floats,
+        value: Floats,
+        report: Report,
     ) -> tuple[Floats, float]:
         """The solution where the nodes are ``free`` (a projector each), ``value`` in the rest; :mod:`voidage.boundary`.
 
@@ -301,7 +349,9 @@ class Linear:
         report.iterations += ksp.getIterationNumber()
         residual = (b - A * x).norm() / (b.norm() or 1.0)
         if not residual <= self.tolerance:
-            raise ArithmeticError(f"the linear system was not solved: its relative residual is {residual:.1e}")
+            raise ArithmeticError(
+                f"the linear system was not solved: its relative residual is {residual:.1e}"
+            )
         x.pointwiseMult(x, unit)
         return self.layout.gather(x.array.reshape(-1, self.components)), residual
 
@@ -320,7 +370,9 @@ class Linear:
 
     def _add(self, cells: Integers, matrices: Floats, loads: Floats) -> None:
         mine = self.layout.owned_cell[cells]
-        if not mine.any():  # grains in the cells of other ranks only; petsc4py divides by this number
+        if (
+            not mine.any()
+        ):  # grains in the cells of other ranks only; petsc4py divides by this number
             return
         dofs = self.layout.dof[self.cells[cells[mine]]]
         dense = matrices[mine].reshape(len(dofs), -1)
@@ -346,7 +398,9 @@ class Linear:
         columns = np.broadcast_to(first[:, None, None] + np.arange(size), blocks.shape)
         rows = np.arange(count * size + 1, dtype=PETSc.IntType) * size
         csr = rows, columns.ravel().astype(PETSc.IntType), blocks.ravel()
-        return PETSc.Mat().createAIJ([[count * size, None]] * 2, csr=csr, comm=self.layout.domain.comm)
+        return PETSc.Mat().createAIJ(
+            [[count * size, None]] * 2, csr=csr, comm=self.layout.domain.comm
+        )
 
     def _solver(self, A: PETSc.Mat) -> PETSc.KSP:
         ksp = PETSc.KSP().create(A.comm)

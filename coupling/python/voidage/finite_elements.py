@@ -70,7 +70,9 @@ class FiniteElements(Solver):
     ) -> tuple[Floats, Floats]:
         """Velocity and pressure at the nodes, the convection linearised about a velocity."""
 
-    def _flow_data(self, step: Step, sums: PieceSums | None, temperature: Floats | None) -> FlowData:
+    def _flow_data(
+        self, step: Step, sums: PieceSums | None, temperature: Floats | None
+    ) -> FlowData:
         problem, cells = self.problem, self.cells
         lightness = np.ones(len(problem.points))
         if temperature is not None:

@@ -21,7 +21,11 @@ class PieceSums:
         self.mesh, self.pieces, self.grain = mesh, pieces, grain
         self.share, self.shape = pieces.share, pieces.shape
         self.nodes, self.gradient = mesh.nodes[pieces.cell], mesh.gradient[pieces.cell]
-        self.volume, self.drag, self.mobility = grains.volume[grain], grains.drag[grain], grains.mobility[grain]
+        self.volume, self.drag, self.mobility = (
+            grains.volume[grain],
+            grains.drag[grain],
+            grains.mobility[grain],
+        )
         self.velocity, self.heated = grains.velocity[grain], grains.heat is not None
         if self.heated:
             self.coefficient = grains.heat.coefficient[grain]
@@ -43,7 +47,9 @@ class PieceSums:
         sums = [np.bincount(self.grain, self.share * column, count) for column in columns]
         return np.stack(sums, axis=1).reshape(count, *values.shape[1:])
 
-    def flow(self, stabilisation: Stabilisation, density: float, weight: Floats) -> tuple[Floats, Floats]:
+    def flow(
+        self, stabilisation: Stabilisation, density: float, weight: Floats
+    ) -> tuple[Floats, Floats]:
         """Terms of the grains in momentum and mass, their stabilisation included.
 
         -<f_p, v + xi (U . grad) v> - <phi v*, grad q> - (xi / rho) <f_p, grad q>, and the weight of the fluid that the
@@ -53,7 +59,14 @@ class PieceSums:
 
         Returns matrices (c, B, D + 1, B, D + 1) and right-hand sides (c, B, D + 1).
         """
-        phi, s, V, gamma, a, b = self.shape, self.share, self.volume, self.drag, self.mobility, self.velocity
+        phi, s, V, gamma, a, b = (
+            self.shape,
+            self.share,
+            self.volume,
+            self.drag,
+            self.mobility,
+            self.velocity,
+        )
         pairs = phi[:, :, None] * phi[:, None, :]
         drag = self._by_cell((s * gamma * (1 - a * gamma))[:, None, None] * pairs)
         pressure = self._by_cell((s * V * (a * gamma - 1))[:, None] * phi)
@@ -69,7 +82,11 @@ class PieceSums:
         along = time * np.einsum("ci,cai->ca", stabilisation.direction[self.cells], gradient)
         across = time[..., None] / density * gradient
         # Residual of the grains in a cell: drag u + pressure grad p - force.
-        drag_sum, pressure_sum, force_sum = drag.sum(axis=1), pressure.sum(axis=1), force.sum(axis=1)
+        drag_sum, pressure_sum, force_sum = (
+            drag.sum(axis=1),
+            pressure.sum(axis=1),
+            force.sum(axis=1),
+        )
         drag = drag + along[:, :, None] * drag_sum[:, None, :]
         pressure = pressure + along * pressure_sum[:, None]
         force = force + along[:, :, None] * force_sum[:, None, :]
@@ -81,8 +98,12 @@ class PieceSums:
         matrix[:, :, :D, :, D] = np.einsum("ca,cbi->caib", pressure, gradient)
         matrix[:, :, D, :, :D] = np.einsum("cai,cb->cabi", across, drag_sum)
         matrix[:, :, D, :, :D] -= np.einsum("cai,cb->cabi", gradient, carried)
-        matrix[:, :, D, :, D] = np.einsum("cai,cbi->cab", across * pressure_sum[:, None, None], gradient)
-        matrix[:, :, D, :, D] += diffusion[:, None, None] * np.einsum("cai,cbi->cab", gradient, gradient)
+        matrix[:, :, D, :, D] = np.einsum(
+            "cai,cbi->cab", across * pressure_sum[:, None, None], gradient
+        )
+        matrix[:, :, D, :, D] += diffusion[:, None, None] * np.einsum(
+            "cai,cbi->cab", gradient, gradient
+        )
         rhs = np.zeros((count, B, D + 1))
         rhs[:, :, :D] = force
         rhs[:, :, D] = np.einsum("cai,ci->ca", gradient, volume_flux)

@@ -12,7 +12,15 @@ the centroid. The energy is solved first, with u_n. The terms of the grains come
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
-from skfem import Basis, BilinearForm, ElementTetP1, ElementTriP1, ElementVector, FacetBasis, LinearForm
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementTetP1,
+    ElementTriP1,
+    ElementVector,
+    FacetBasis,
+    LinearForm,
+)
 from skfem import MeshTet, MeshTri
 from skfem.helpers import ddot, div, dot, grad, mul, transpose
 
@@ -21,7 +29,9 @@ from .finite_elements import FiniteElements, FlowData
 from .pieces import PieceSums
 from .solver import Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step
 
-QUADRATURE = 4  # degree of the rules in cells and, the upwind terms not being polynomials, on facets
+QUADRATURE = (
+    4  # degree of the rules in cells and, the upwind terms not being polynomials, on facets
+)
 
 
 class ScikitFem(FiniteElements):
@@ -36,13 +46,20 @@ class ScikitFem(FiniteElements):
         self.vector = self.scalar.with_element(ElementVector(scalar))
         self.mixed = self.scalar.with_element(ElementVector(scalar) * scalar)
         self.facets = {
-            name: FacetBasis(mesh, scalar, facets=_facet_numbers(mesh.facets.T, nodes), intorder=QUADRATURE)
+            name: FacetBasis(
+                mesh, scalar, facets=_facet_numbers(mesh.facets.T, nodes), intorder=QUADRATURE
+            )
             for name, nodes in problem.boundaries.items()
         }
 
     def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
         problem, heat, dt = self.problem, self.problem.heat, step.dt
-        C, k, wall, wall_T = heat.capacity, heat.conductivity, heat.wall_coefficient, heat.wall_temperature
+        C, k, wall, wall_T = (
+            heat.capacity,
+            heat.conductivity,
+            heat.wall_coefficient,
+            heat.wall_temperature,
+        )
         eps = self.scalar.interpolate(step.voidage)
         u = self.vector.interpolate(self.state.velocity.ravel())
         old = self.scalar.interpolate(self.state.temperature)
@@ -67,7 +84,9 @@ class ScikitFem(FiniteElements):
                 case Newton(coefficient, outside):
                     transfer = coefficient
                 case OpenHeat(outside) if outside is not None:
-                    transfer = -C * basis.interpolate(step.voidage) * np.minimum(self._through(basis), 0)
+                    transfer = (
+                        -C * basis.interpolate(step.voidage) * np.minimum(self._through(basis), 0)
+                    )
                 case _:
                     continue
             A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(basis)
@@ -88,7 +107,9 @@ class ScikitFem(FiniteElements):
         old = self.vector.interpolate(self.state.velocity.ravel())
         at = self.vector.interpolate(about.ravel())
         weight = self.scalar.interpolate(data.share) * self.vector.interpolate(data.weight.ravel())
-        flux_divergence = 0 if sums is None else div(self.vector.interpolate(data.solid_flux.ravel()))
+        flux_divergence = (
+            0 if sums is None else div(self.vector.interpolate(data.solid_flux.ravel()))
+        )
         source_u = source_p = 0
         if step.sources is not None:
             source_u = self.vector.interpolate(step.sources.momentum.ravel())
@@ -121,7 +142,9 @@ class ScikitFem(FiniteElements):
 
         A, b = matrix.assemble(self.mixed), rhs.assemble(self.mixed)
         for condition in step.conditions:
-            A, b = self._add_boundary(A, b, condition.flow, self.facets[condition.boundary], step.voidage)
+            A, b = self._add_boundary(
+                A, b, condition.flow, self.facets[condition.boundary], step.voidage
+            )
         if sums is not None:
             blocks, loads = sums.flow(data.stabilisation, rho, data.weight)
             A, b = _add_blocks(A, b, problem.cells[sums.cells], blocks, loads)
@@ -179,5 +202,7 @@ def _solve(A, b: Floats, free: Floats, value: Floats, tolerance: float) -> tuple
     x += factors.solve(b - A @ x)
     residual = float(np.linalg.norm(b - A @ x) / (np.linalg.norm(b) or 1))
     if not residual <= tolerance:
-        raise ArithmeticError(f"the linear system is nearly singular: its relative residual is {residual:.1e}")
+        raise ArithmeticError(
+            f"the linear system is nearly singular: its relative residual is {residual:.1e}"
+        )
     return (unit * x).reshape(value.shape), residual
