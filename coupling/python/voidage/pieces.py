@@ -137,9 +137,10 @@ class PieceSums:
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law v* at the given fields, (n, D)."""
         moved = (self.share * self.volume)[:, None] * self._law(*self._at(fields))
-        flux = np.zeros_like(fields.velocity)
-        np.add.at(flux, self.nodes, self.shape[:, :, None] * moved[:, None, :])
-        return flux / self.mesh.nodal_volume[:, None]
+        nodes, volume = self.nodes.ravel(), self.mesh.nodal_volume
+        parts = [self.shape * component[:, None] for component in moved.T]
+        sums = [np.bincount(nodes, part.ravel(), len(volume)) for part in parts]
+        return np.stack(sums, axis=1) / volume[:, None]
 
     def sample(self, fields: Fields) -> AtGrains:
         """Means of the fields over the pieces of each grain."""

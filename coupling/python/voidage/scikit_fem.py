@@ -9,6 +9,8 @@ Backward Euler from u_n; the convection is linearised about a velocity w, once (
 the centroid. The energy is solved first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
@@ -29,9 +31,21 @@ from .finite_elements import FiniteElements, FlowData
 from .pieces import PieceSums
 from .solver import Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step
 
-QUADRATURE = (
-    4  # degree of the rules in cells and, the upwind terms not being polynomials, on facets
-)
+QUADRATURE = 4
+"""Degree of the rules in cells and on facets, where it matters: the upwind terms are no polynomials."""
+
+
+class Facets(NamedTuple):
+    """The spaces of T, u and (u, p) on a part of the boundary."""
+
+    scalar: FacetBasis
+    vector: FacetBasis
+    mixed: FacetBasis
+
+    def inflow(self, velocity: Floats) -> Floats:
+        """min(u . n, 0) at the quadrature points."""
+        u = self.vector.interpolate(velocity.ravel())
+        return np.minimum(dot(u, self.scalar.normals), 0)
 
 
 class ScikitFem(FiniteElements):
@@ -42,24 +56,19 @@ class ScikitFem(FiniteElements):
         plane = problem.dimension == 2
         make, scalar = (MeshTri, ElementTriP1()) if plane else (MeshTet, ElementTetP1())
         mesh = make(problem.points.T.copy(), problem.cells.T.copy())
+        vector, mixed = ElementVector(scalar), ElementVector(scalar) * scalar
         self.scalar = Basis(mesh, scalar, intorder=QUADRATURE)
-        self.vector = self.scalar.with_element(ElementVector(scalar))
-        self.mixed = self.scalar.with_element(ElementVector(scalar) * scalar)
-        self.facets = {
-            name: FacetBasis(
-                mesh, scalar, facets=_facet_numbers(mesh.facets.T, nodes), intorder=QUADRATURE
-            )
-            for name, nodes in problem.boundaries.items()
-        }
+        self.vector, self.mixed = map(self.scalar.with_element, (vector, mixed))
+        self.facets = {}
+        for name, nodes in problem.boundaries.items():
+            numbers = _facet_numbers(mesh.facets.T, nodes)
+            basis = FacetBasis(mesh, scalar, facets=numbers, intorder=QUADRATURE)
+            self.facets[name] = Facets(basis, *map(basis.with_element, (vector, mixed)))
 
     def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
         problem, heat, dt = self.problem, self.problem.heat, step.dt
-        C, k, wall, wall_T = (
-            heat.capacity,
-            heat.conductivity,
-            heat.wall_coefficient,
-            heat.wall_temperature,
-        )
+        C, k = heat.capacity, heat.conductivity
+        wall, wall_T = heat.wall_coefficient, heat.wall_temperature
         eps = self.scalar.interpolate(step.voidage)
         u = self.vector.interpolate(self.state.velocity.ravel())
         old = self.scalar.interpolate(self.state.temperature)
@@ -79,18 +88,17 @@ class ScikitFem(FiniteElements):
 
         A, b = matrix.assemble(self.scalar), rhs.assemble(self.scalar)
         for condition in step.conditions:
-            basis = self.facets[condition.boundary]
+            facets = self.facets[condition.boundary]
             match condition.heat:
                 case Newton(coefficient, outside):
                     transfer = coefficient
                 case OpenHeat(outside) if outside is not None:
-                    transfer = (
-                        -C * basis.interpolate(step.voidage) * np.minimum(self._through(basis), 0)
-                    )
+                    wet = facets.scalar.interpolate(step.voidage)
+                    transfer = -C * wet * facets.inflow(self.state.velocity)
                 case _:
                     continue
-            A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(basis)
-            b = b + LinearForm(lambda S, _, h=transfer, T=outside: h * T * S).assemble(basis)
+            A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(facets.scalar)
+            b = b + LinearForm(lambda S, _, h=transfer * outside: h * S).assemble(facets.scalar)
         if sums is not None and sums.heated:
             blocks, loads = sums.energy(U, xi)
             A, b = _add_blocks(A, b, self.problem.cells[sums.cells], blocks, loads)
@@ -107,9 +115,7 @@ class ScikitFem(FiniteElements):
         old = self.vector.interpolate(self.state.velocity.ravel())
         at = self.vector.interpolate(about.ravel())
         weight = self.scalar.interpolate(data.share) * self.vector.interpolate(data.weight.ravel())
-        flux_divergence = (
-            0 if sums is None else div(self.vector.interpolate(data.solid_flux.ravel()))
-        )
+        solid_flux = self.vector.interpolate(data.solid_flux.ravel())
         source_u = source_p = 0
         if step.sources is not None:
             source_u = self.vector.interpolate(step.sources.momentum.ravel())
@@ -137,14 +143,13 @@ class ScikitFem(FiniteElements):
             return (
                 dot(force, v + mul(grad(v), xi_U) + xi / rho * grad(q))
                 + source_p * q
-                + rho * xi_c * (source_p - flux_divergence) * div(v)
+                + rho * xi_c * (source_p - div(solid_flux)) * div(v)
             )
 
         A, b = matrix.assemble(self.mixed), rhs.assemble(self.mixed)
         for condition in step.conditions:
-            A, b = self._add_boundary(
-                A, b, condition.flow, self.facets[condition.boundary], step.voidage
-            )
+            facets = self.facets[condition.boundary]
+            A, b = self._add_boundary(A, b, condition.flow, facets, step.voidage)
         if sums is not None:
             blocks, loads = sums.flow(data.stabilisation, rho, data.weight)
             A, b = _add_blocks(A, b, problem.cells[sums.cells], blocks, loads)
@@ -152,21 +157,15 @@ class ScikitFem(FiniteElements):
         report.iterations += 1
         return x[:, :-1].copy(), x[:, -1].copy()
 
-    def _add_boundary(self, A, b, flow, facets: FacetBasis, voidage: Floats):
-        """<<eps u . n, q>>, and where it is open <<p_out n, v>> - <<eps rho min(u_n . n, 0) u, v>>."""
-        basis = facets.with_element(self.mixed.elem)
-        eps, rho = facets.interpolate(voidage), self.problem.density
+    def _add_boundary(self, A, b, flow, facets: Facets, voidage: Floats):
+        """<<eps u . n, q>>, and if open <<p_out n, v>> - <<eps rho min(u_n . n, 0) u, v>>."""
+        eps, basis = facets.scalar.interpolate(voidage), facets.mixed
         A = A + BilinearForm(lambda u, p, v, q, w: eps * dot(u, w.n) * q).assemble(basis)
         if isinstance(flow, Open):
-            inflow = -rho * eps * np.minimum(self._through(facets), 0)
-            A = A + BilinearForm(lambda u, p, v, q, w: inflow * dot(u, v)).assemble(basis)
+            taken = -self.problem.density * eps * facets.inflow(self.state.velocity)
+            A = A + BilinearForm(lambda u, p, v, q, w: taken * dot(u, v)).assemble(basis)
             b = b - LinearForm(lambda v, q, w: flow.pressure * dot(w.n, v)).assemble(basis)
         return A, b
-
-    def _through(self, facets: FacetBasis) -> Floats:
-        """u_n . n at the quadrature points of facets."""
-        basis = facets.with_element(self.vector.elem)
-        return dot(basis.interpolate(self.state.velocity.ravel()), facets.normals)
 
 
 def _facet_numbers(all_facets: Integers, wanted: Integers) -> Integers:
