@@ -10,12 +10,12 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "coupling" / "python"))
 
-from voidage.cells import Cells  # noqa: E402
-from voidage.solver import Fields, GrainHeat, Grains, Pieces, Problem  # noqa: E402
+from voidage.cells import Cells
+from voidage.solver import Fields, GrainHeat, Grains, Pieces, Problem
 
 
 def box(n: int, dimension: int, lower: float = 0.0, upper: float = 1.0):
-    """A cube of n cells a side, each cut into D! simplices, and its sides as boundaries x0, x1, y0, .."""
+    """A cube of n cells a side, each cut into D! simplices; its sides are x0, x1, y0, .."""
     axis = np.linspace(lower, upper, n + 1)
     points = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(
         -1, dimension

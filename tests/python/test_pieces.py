@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from conftest import problem, scatter
-
 from voidage.cells import Cells, Stabilisation
 from voidage.pieces import PieceSums
 from voidage.solver import Fields
@@ -25,7 +24,7 @@ def case(request, rng):
 
 
 def each_piece(mesh, pieces, fields):
-    """Grain, share of it, shape functions, nodes, gradients, u, grad p and T of every piece."""
+    """Grain, share of it, shape functions, cell, gradients, u, grad p and T of every piece."""
     for grain in range(len(pieces.first) - 1):
         for q in range(pieces.first[grain], pieces.first[grain + 1]):
             cell, phi = pieces.cell[q], pieces.shape[q]
@@ -68,7 +67,6 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
             slope_v @ tau.direction[cell] * tau.time[cell] + slope_q * tau.time[cell] / box.density
         )
         expected -= s * force @ (phi @ v[around] + weighed) + s * V * law @ slope_q
-        # The displaced weight: a product of P1 fields at the piece, its residual the mean test function.
         displaced = s * V * (phi @ weight[around])
         expected += displaced @ (phi @ v[around] + weighed)
     assert tested == pytest.approx(expected, rel=1e-12)
@@ -97,8 +95,8 @@ def test_energy_matrices_are_the_exchange_tested(case, rng):
 
 
 def test_what_the_fluid_loses_the_grains_gain(case):
-    box, mesh, grains, pieces, sums, fields = case
-    # Tests that are one everywhere leave the sum over all grains; neither pressure rows nor xi count.
+    box, mesh, grains, _, sums, fields = case
+    # Tests that are one everywhere leave the sum over all grains.
     still = Stabilisation(box, mesh, np.zeros_like(box.points), 0.1, np.zeros(len(box.cells)))
     matrix, rhs = sums.flow(still, box.density, np.zeros_like(box.points))
     unknown = np.column_stack((fields.velocity, fields.pressure))[box.cells[sums.cells]]
@@ -121,7 +119,7 @@ def test_what_the_fluid_loses_the_grains_gain(case):
 
 
 def test_linear_fields_are_sampled_at_the_centroid(case, rng):
-    box, mesh, grains, pieces, sums, _ = case
+    box, _, _, pieces, sums, _ = case
     slope = rng.standard_normal(box.dimension)
     linear = box.points @ slope
     at = sums.sample(Fields(np.outer(linear, np.ones(box.dimension)), linear, linear))
@@ -133,7 +131,7 @@ def test_linear_fields_are_sampled_at_the_centroid(case, rng):
 
 
 def test_the_solid_flux_keeps_its_integral(case):
-    box, mesh, grains, pieces, sums, _ = case
+    box, mesh, grains, _, sums, _ = case
     rest = Fields(np.zeros_like(box.points), np.ones(len(box.points)))
     flux = mesh.nodal_volume @ sums.solid_flux(rest)
     np.testing.assert_allclose(flux, grains.volume @ grains.velocity, rtol=1e-12)

@@ -5,10 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from conftest import problem, scatter
-
 from voidage.cells import Cells
 from voidage.solver import (
-    Adiabatic,
     Condition,
     Fields,
     Heat,
@@ -30,8 +28,8 @@ def with_temperature(box, temperature, **changes):
     return dataclasses.replace(box, fields=fields, heat=WARM, **changes)
 
 
-def everywhere(box, flow, heat=Adiabatic()):
-    return [Condition(name, flow, heat) for name in box.boundaries]
+def everywhere(box, flow):
+    return [Condition(name, flow) for name in box.boundaries]
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -72,7 +70,7 @@ def test_momentum_and_heat_given_are_those_received(solver, rng):
         T - columns.temperature - columns.mobility * columns.coefficient * T
     )
     assert heat.sum() == pytest.approx(report.heat, abs=1e-12 * abs(heat).sum())
-    # Nothing flows yet and the walls are adiabatic: what the grains got is what the fluid lost, int eps C (T - T_n).
+    # Nothing flows yet, the walls are adiabatic: what the grains got, the fluid lost.
     mesh = Cells(box.points, box.cells)
     change = solver.fields().temperature - box.fields.temperature
     pairs = (mesh.mean(voidage * change) + 3 * mesh.mean(voidage) * mesh.mean(change)) / 4
@@ -101,7 +99,10 @@ def test_a_step_starts_from_the_accepted_state(solver, rng):
 
 
 def test_a_stream_through_open_boundaries(solver):
-    """A plug between slip walls: the pressure falls by gamma_l U per length, and by rho U^2 where fluid enters."""
+    """A plug between slip walls.
+
+    The pressure falls by gamma_l U per length, and by rho U^2 where fluid enters.
+    """
     U, drag, wall, dt = np.array([0.7, 0.0]), 3.0, 2.0, 0.1
     box = problem(5, 2, thin_cell_drag=drag)
     box = with_temperature(box, np.full(len(box.points), 300.0), tolerance=1e-12)
@@ -109,7 +110,8 @@ def test_a_stream_through_open_boundaries(solver):
     fields = Fields(np.tile(U, (len(pressure), 1)), np.zeros_like(pressure), box.fields.temperature)
     heat = dataclasses.replace(WARM, wall_coefficient=wall, wall_temperature=310.0)
     solver.set_mesh(dataclasses.replace(box, fields=fields, heat=heat))
-    # Between walls at 310 K the fluid warms alike everywhere, C (T - 300) / dt = lambda (310 - T), if what enters does too.
+    # Between walls at 310 K all fluid warms alike, C (T - 300) / dt = lambda (310 - T), if what
+    # enters is as warm.
     rate = WARM.capacity / dt
     T = (300 * rate + 310 * wall) / (rate + wall)
     conditions = [
@@ -126,7 +128,7 @@ def test_a_stream_through_open_boundaries(solver):
 
 
 def manufactured(points):
-    """C1-2D of manufactured.py with unit properties: voidage, fields, and the sources that keep them.
+    """Voidage and fields (C1-2D of Lethe, unit properties), and the sources that keep them.
 
     Where div u = 0: div(eps (grad u + grad u^T)) = eps lap u + (grad u + grad u^T) grad eps.
     """
@@ -172,5 +174,5 @@ def test_manufactured_orders(solver):
         )
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     print("\norders u, p, T:", orders.round(2).tolist())
-    # The pressure tends to 1.5 from below: next to the walls its stabilisation lacks the second derivatives of u.
+    # The pressure tends to 1.5 from below: at the walls its stabilisation lacks second derivatives.
     assert (orders[-1] > [1.9, 1.4, 1.9]).all(), orders

@@ -40,7 +40,7 @@ class Cells:
 def stabilisation_time(
     dt: float, speed: Floats, size: Floats, nu: float, reaction: Floats
 ) -> Floats:
-    """1/xi^2 = (2/dt)^2 + (|U|/h)^2 + (4 nu/h^2)^2 + reaction^2 (A.11, A.12), nu the diffusivity."""
+    """1/xi^2 = (2/dt)^2 + (|U|/h)^2 + (4 nu/h^2)^2 + reaction^2 (A.11, A.12)."""
     return ((2 / dt) ** 2 + (speed / size) ** 2 + (4 * nu / size**2) ** 2 + reaction**2) ** -0.5
 
 

@@ -1,4 +1,7 @@
-"""The only place that knows which dolfinx is there: written for 0.5.2 (Debian 12), with the later names beside."""
+"""The only place that knows which dolfinx is there.
+
+Run with 0.5.2 (Debian 12); the names of later versions stand beside.
+"""
 
 import inspect
 
@@ -37,7 +40,7 @@ def space(domain, family: str, degree: int, components: int = 0):
 
 
 def table(adjacency, cells: int) -> Integers:
-    """Dofs or nodes of every local cell, (cells, ..): an adjacency list until 0.6, an array later."""
+    """Dofs or nodes of every local cell: an adjacency list until 0.6, an array later."""
     return np.asarray(getattr(adjacency, "array", adjacency)).reshape(cells, -1)
 
 

@@ -1,29 +1,34 @@
-"""The fluid in FEniCSx: volume-averaged Navier-Stokes with heat, P1-P1, stabilised by PSPG, SUPG and LSIC.
+"""The fluid in FEniCSx: volume-averaged Navier-Stokes with heat, stabilised P1-P1 elements.
 
-    <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v> - <eps rho g (1 - beta (T - T_R)), v>
+    <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v>
+        - <eps rho g (1 - beta (T - T_R)), v>
         + sum_e xi <R_u, (U . grad) v>_e + sum_e rho xi_c <R_p, div v>_e = <<sigma n, v>>
     <div(phi v*), q> + <div(eps u), q> + sum_e (xi / rho) <R_u, grad q>_e = 0
-    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S> + sum_e xi_T <R_T, U . grad S>_e = boundary heat
+    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S>
+        + sum_e xi_T <R_T, U . grad S>_e = boundary heat
 
-Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more often; U is u_n at
-the centroid. The energy is solved first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
+Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more
+often; U is u_n at the centroid. The energy is solved first, with u_n. The terms of the grains come
+from :mod:`voidage.pieces`.
 """
 
 from typing import Literal
 
+# fenicsx_linear starts PETSc, so it comes before dolfinx.
+from .fenicsx_linear import Blocks, Layout, Linear  # isort: skip
 import ufl
+from dolfinx import fem
+from mpi4py import MPI
 from ufl import div, dot, grad, inner, transpose
 
 from . import compat
 from .boundary import hold_flow, hold_heat
-from .fenicsx_linear import Blocks, Layout, Linear  # starts PETSc, so before dolfinx
 from .finite_elements import FiniteElements, FlowData
 from .pieces import PieceSums
-from .solver import Condition, Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step  # noqa: E402
+from .solver import Condition, Floats, Newton, Open, OpenHeat, Problem, Report, Step
 
-QUADRATURE = {
-    "quadrature_degree": 4
-}  # the upwind terms on facets are not polynomials: the rule matters
+QUADRATURE = {"quadrature_degree": 4}
+"""For cells and for facets, where it matters: the upwind terms are no polynomials."""
 
 
 class FEniCSx(FiniteElements):
@@ -32,8 +37,8 @@ class FEniCSx(FiniteElements):
     Parameters
     ----------
     linear
-        ``direct``: MUMPS with one step of iterative refinement. ``iterative``: GMRES, for the flow with a Schur
-        complement of the velocity, multigrid (hypre) in every block.
+        ``direct``: MUMPS with one step of iterative refinement. ``iterative``: GMRES, for the flow
+        with a Schur complement of the velocity, multigrid (hypre) in every block.
     """
 
     def __init__(self, linear: Literal["direct", "iterative"] = "direct"):
@@ -78,7 +83,7 @@ class FEniCSx(FiniteElements):
         return x[:, :-1].copy(), x[:, -1].copy()
 
     def _system(self, make, kinds: tuple, step: Step):
-        """The forms for these kinds of conditions, made once, with what they have in common filled in."""
+        """The forms for these kinds of conditions, made once; fills in what all have in common."""
         key = make, kinds, step.sources is not None
         if key not in self.systems:
             self.systems[key] = make(self, kinds, step.sources is not None)

@@ -1,6 +1,7 @@
-"""Mesh and linear systems of :mod:`voidage.fenicsx`: how the problem is divided among ranks, and solved.
+"""Mesh and linear systems of :mod:`voidage.fenicsx`.
 
-Every rank is given the whole problem and gets the whole solution; mesh, matrices and solution are divided among them.
+Every rank is given the whole problem and gets the whole solution; mesh, matrices and solution are
+divided among them.
 """
 
 from typing import NamedTuple
@@ -28,7 +29,7 @@ class Blocks(NamedTuple):
 
 
 class Layout:
-    """How the nodes and cells of the problem, its boundaries and blocks of cells lie in the mesh of this rank."""
+    """Where nodes, cells and boundaries of the problem lie in the mesh of this rank."""
 
     def __init__(self, domain, problem: Problem):
         self.domain, self.problem = domain, problem
@@ -101,9 +102,9 @@ class Linear:
     ) -> tuple[Floats, float]:
         """Solves where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`).
 
-        The rest is ``value``: the conditions take the place of the equations that fall away, scaled as the diagonal
-        that they had. Returns the solution, one row per node, and the residual relative to the right-hand side, both
-        scaled to a unit diagonal.
+        The rest is ``value``: the conditions take the place of the equations that fall away, scaled
+        as the diagonal that they had. Returns the solution, one row per node, and the residual
+        relative to the right-hand side, both scaled to a unit diagonal.
         """
         self._assemble(blocks)
         A, b = self._hold(free[self.layout.owned_node], value[self.layout.owned_node])
@@ -197,7 +198,8 @@ class Linear:
         pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
         pc.setFieldSplitSchurFactType(PETSc.PC.SchurFactType.UPPER)
         # Stabilisation and mobility of the grains make the pressure block a fair Schur complement.
-        # The other choice, SELFP, saves a third of the iterations in most flows, but does not converge in a packed bed.
+        # The other choice, SELFP, saves a third of the iterations in most flows, but does not
+        # converge in a packed bed.
         pc.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.A11)
         pc.setUp()
         for part in pc.getFieldSplitSubKSP():

@@ -1,7 +1,7 @@
-"""Sums over the pieces of the grains: cell matrices of the exchange, the solid flux, the fluid at the grains.
+"""Sums over the pieces of the grains: exchange per cell, solid flux, the fluid at the grains.
 
-Notation: grain i has volume V, drag gamma, mobility a and velocity b; a piece q of it lies in one cell, with the share
-s of the grain and the shape functions phi at its centroid. The exchange is
+Notation: grain i has volume V, drag gamma, mobility a and velocity b; a piece q of it lies in one
+cell, with the share s of the grain and the shape functions phi at its centroid. The exchange is
 
     f_p = V grad p - gamma (u - v*),   v* = b + a (gamma u - V grad p),
     q_p = -hA (T - T*),                T* = bT + aT hA T.
@@ -14,7 +14,7 @@ from .solver import AtGrains, Fields, Floats, Grains, Pieces
 
 
 class PieceSums:
-    """The pieces of one step on a mesh; c counts the cells that have any, B = D + 1 nodes of a cell."""
+    """The pieces of a step on a mesh; c counts the cells that have any, B = D + 1 their nodes."""
 
     def __init__(self, mesh: Cells, pieces: Pieces, grains: Grains):
         grain = np.repeat(np.arange(len(pieces.first) - 1), np.diff(pieces.first))
@@ -52,10 +52,11 @@ class PieceSums:
     ) -> tuple[Floats, Floats]:
         """Terms of the grains in momentum and mass, their stabilisation included.
 
-        -<f_p, v + xi (U . grad) v> - <phi v*, grad q> - (xi / rho) <f_p, grad q>, and the weight of the fluid that the
-        grains displace, <phi rho g (1 - beta (T - T_R)), ..> in the same tests. ``weight`` holds the nodal values of
-        rho g (1 - beta (T - T_R)), (n, D). The fluid's own weight is then that of a cell without grains: with the
-        voidage made of the pieces, as in V grad p, a fluid at rest between held grains solves the discrete equations.
+        -<f_p, v + xi (U . grad) v> - <phi v*, grad q> - (xi / rho) <f_p, grad q>, and the weight of
+        the fluid that the grains displace, <phi rho g (1 - beta (T - T_R)), ..> in the same tests.
+        ``weight`` holds the nodal values of rho g (1 - beta (T - T_R)), (n, D). The fluid's own
+        weight is then that of a cell without grains: with the voidage made of the pieces, as in V
+        grad p, a fluid at rest between held grains solves the discrete equations.
 
         Returns matrices (c, B, D + 1, B, D + 1) and right-hand sides (c, B, D + 1).
         """
@@ -111,7 +112,10 @@ class PieceSums:
         return matrix, rhs
 
     def energy(self, direction: Floats, time: Floats) -> tuple[Floats, Floats]:
-        """-<q_p, S + xi_T U . grad S> with U (m, D) and xi_T (m): matrices (c, B, B) and right-hand sides (c, B)."""
+        """-<q_p, S + xi_T U . grad S>, with U (m, D) and xi_T (m) as ``direction`` and ``time``.
+
+        Returns matrices (c, B, B) and right-hand sides (c, B).
+        """
         phi, hA = self.shape, self.share * self.coefficient
         slip = hA * (1 - self.heat_mobility * self.coefficient)
         exchange = self._by_cell(slip[:, None, None] * phi[:, :, None] * phi[:, None, :])

@@ -1,12 +1,15 @@
-"""The fluid in scikit-fem: volume-averaged Navier-Stokes with heat, P1-P1, stabilised by PSPG, SUPG and LSIC.
+"""The fluid in scikit-fem: volume-averaged Navier-Stokes with heat, stabilised P1-P1 elements.
 
-    <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v> - <eps rho g (1 - beta (T - T_R)), v>
+    <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v>
+        - <eps rho g (1 - beta (T - T_R)), v>
         + sum_e xi <R_u, (U . grad) v>_e + sum_e rho xi_c <R_p, div v>_e = <<sigma n, v>>
     <div(phi v*), q> + <div(eps u), q> + sum_e (xi / rho) <R_u, grad q>_e = 0
-    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S> + sum_e xi_T <R_T, U . grad S>_e = boundary heat
+    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S>
+        + sum_e xi_T <R_T, U . grad S>_e = boundary heat
 
-Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more often; U is u_n at
-the centroid. The energy is solved first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
+Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more
+often; U is u_n at the centroid. The energy is solved first, with u_n. The terms of the grains come
+from :mod:`voidage.pieces`.
 """
 
 from typing import NamedTuple
@@ -22,17 +25,19 @@ from skfem import (
     ElementVector,
     FacetBasis,
     LinearForm,
+    MeshTet,
+    MeshTri,
 )
-from skfem import MeshTet, MeshTri
 from skfem.helpers import ddot, div, dot, grad, mul, transpose
 
 from .boundary import hold_flow, hold_heat
 from .finite_elements import FiniteElements, FlowData
 from .pieces import PieceSums
-from .solver import Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step
+from .solver import Floats, Flow, Integers, Newton, Open, OpenHeat, Problem, Report, Step
 
+Sparse = sp.csr_array | sp.csr_matrix
 QUADRATURE = 4
-"""Degree of the rules in cells and on facets, where it matters: the upwind terms are no polynomials."""
+"""Degree of the rules in cells and on facets; there it matters: upwind terms are no polynomials."""
 
 
 class Facets(NamedTuple):
@@ -157,7 +162,9 @@ class ScikitFem(FiniteElements):
         report.iterations += 1
         return x[:, :-1].copy(), x[:, -1].copy()
 
-    def _add_boundary(self, A, b, flow, facets: Facets, voidage: Floats):
+    def _add_boundary(
+        self, A: Sparse, b: Floats, flow: Flow, facets: Facets, voidage: Floats
+    ) -> tuple[Sparse, Floats]:
         """<<eps u . n, q>>, and if open <<p_out n, v>> - <<eps rho min(u_n . n, 0) u, v>>."""
         eps, basis = facets.scalar.interpolate(voidage), facets.mixed
         A = A + BilinearForm(lambda u, p, v, q, w: eps * dot(u, w.n) * q).assemble(basis)
@@ -173,8 +180,10 @@ def _facet_numbers(all_facets: Integers, wanted: Integers) -> Integers:
     return np.array([number[tuple(nodes)] for nodes in np.sort(wanted, axis=1).tolist()], dtype=int)
 
 
-def _add_blocks(A, b: Floats, cells: Integers, blocks: Floats, loads: Floats):
-    """Adds the matrices and right-hand sides of cells, whose unknowns are those of their nodes in turn."""
+def _add_blocks(
+    A: Sparse, b: Floats, cells: Integers, blocks: Floats, loads: Floats
+) -> tuple[Sparse, Floats]:
+    """Adds the equations of cells, whose unknowns are those of their nodes in turn."""
     components = loads.size // cells.size
     dofs = (components * cells[:, :, None] + np.arange(components)).reshape(len(cells), -1)
     size = dofs.shape[1]
@@ -183,17 +192,20 @@ def _add_blocks(A, b: Floats, cells: Integers, blocks: Floats, loads: Floats):
     return A + more.tocsr(), b + np.bincount(dofs.ravel(), loads.ravel(), len(b))
 
 
-def _solve(A, b: Floats, free: Floats, value: Floats, tolerance: float) -> tuple[Floats, float]:
-    """Solves A x = b where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`), x = value in the rest.
+def _solve(
+    A: Sparse, b: Floats, free: Floats, value: Floats, tolerance: float
+) -> tuple[Floats, float]:
+    """Solves A x = b where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`).
 
-    The conditions take the place of the equations that fall away, scaled as the diagonal that they had. Returns the
-    solution, one row per node, and the residual relative to the right-hand side, both scaled to a unit diagonal.
+    The rest is ``value``: the conditions take the place of the equations that fall away, scaled as
+    the diagonal that they had. Returns the solution, one row per node, and the residual relative to
+    the right-hand side, both scaled to a unit diagonal.
     """
     count = len(free)
     projector = sp.bsr_array((free, np.arange(count), np.arange(count + 1))).tocsr()
     held = sp.diags_array(np.abs(A.diagonal())) @ (sp.eye_array(len(b)) - projector)
     A, b = projector @ A + held, projector @ b + held @ value.ravel()
-    # With equations and unknowns scaled to a unit diagonal there is hardly need to pivot, and little fill.
+    # Scaled to a unit diagonal the system hardly needs pivots, and fills little.
     unit = 1 / np.sqrt(np.abs(A.diagonal()))
     A, b = sp.csc_array(sp.diags_array(unit) @ A @ sp.diags_array(unit)), unit * b
     factors = splu(A, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
