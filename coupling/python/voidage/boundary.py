@@ -32,8 +32,9 @@ def area_vectors(points: Floats, facets: Integers) -> Floats:
 class Holds:
     """What holds the velocity of the nodes.
 
-    A later prescribed velocity wins at shared nodes; slip never frees a node that is fixed, and gives way to a later
-    prescribed velocity. At a node with slip, normals within 30 degrees are averaged; a sharper corner holds each.
+    A later prescribed velocity wins at shared nodes; slip never frees a node that is fixed, and
+    gives way to a later prescribed velocity. At a node with slip, normals within 30 degrees are
+    averaged; a sharper corner holds each.
     """
 
     def __init__(self, problem: Problem, conditions: Sequence[Condition], voidage: Floats):
@@ -67,7 +68,9 @@ class Holds:
                 self.free[node] -= _projector(directions)
 
 
-def _add_normals(normals: dict[int, list[Floats]], facets: Integers, areas: Floats, fixed: Floats) -> None:
+def _add_normals(
+    normals: dict[int, list[Floats]], facets: Integers, areas: Floats, fixed: Floats
+) -> None:
     for facet, area in zip(facets, areas, strict=True):
         for node in facet[~fixed[facet]]:
             held = normals.setdefault(int(node), [])
@@ -94,9 +97,10 @@ def is_closed(conditions: Sequence[Condition]) -> bool:
 
 
 def hold_flow(problem: Problem, step: Step) -> tuple[Floats, Floats]:
-    """Projectors on the free unknowns (u, p) of every node, (n, D + 1, D + 1), and the values of the others, (n, D + 1).
+    """Projectors on the free unknowns of every node, and the values of the others.
 
-    In a closed domain one pressure is held; the caller moves the mean to zero.
+    The unknowns are (u, p): (n, D + 1, D + 1) and (n, D + 1). In a closed domain one pressure is
+    held; the caller moves the mean to zero.
     """
     count, dimension = problem.points.shape
     holds = Holds(problem, step.conditions, step.voidage)
@@ -120,7 +124,7 @@ def hold_heat(problem: Problem, conditions: Sequence[Condition]) -> tuple[Floats
 
 
 def check_balance(problem: Problem, holds: Holds, voidage: Floats) -> None:
-    """Raises ``ValueError`` if the prescribed velocities of a closed domain let more fluid in than out."""
+    """Raises ``ValueError`` if velocities prescribed all around let more fluid in than out."""
     net = gross = 0.0
     for facets in problem.boundaries.values():
         # Facet integrals of eps phi_b: int phi_a phi_b = measure (1 + delta_ab) / (D (D + 1)).
@@ -131,5 +135,6 @@ def check_balance(problem: Problem, holds: Holds, voidage: Floats) -> None:
         net, gross = net + flux.sum(), gross + abs(flux).sum()
     if abs(net) > 1e-9 * gross:
         raise ValueError(
-            f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out than in; open one"
+            f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out "
+            "than in; open one"
         )

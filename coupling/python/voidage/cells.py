@@ -37,15 +37,19 @@ class Cells:
         return nodal - self.nodal_volume @ nodal / self.nodal_volume.sum()
 
 
-def stabilisation_time(dt: float, speed: Floats, size: Floats, nu: float, reaction: Floats) -> Floats:
-    """1/xi^2 = (2/dt)^2 + (|U|/h)^2 + (4 nu/h^2)^2 + reaction^2 (A.11, A.12), nu the diffusivity."""
+def stabilisation_time(
+    dt: float, speed: Floats, size: Floats, nu: float, reaction: Floats
+) -> Floats:
+    """1/xi^2 = (2/dt)^2 + (|U|/h)^2 + (4 nu/h^2)^2 + reaction^2 (A.11, A.12)."""
     return ((2 / dt) ** 2 + (speed / size) ** 2 + (4 * nu / size**2) ** 2 + reaction**2) ** -0.5
 
 
 class Stabilisation:
     """Stabilisation of momentum and mass in every cell, from U = u_n at the centroid."""
 
-    def __init__(self, problem: Problem, cells: Cells, velocity: Floats, dt: float, reaction: Floats):
+    def __init__(
+        self, problem: Problem, cells: Cells, velocity: Floats, dt: float, reaction: Floats
+    ):
         nu = problem.viscosity / problem.density
         self.direction = cells.mean(velocity)
         """U, (m, D)."""

@@ -1,4 +1,7 @@
-"""The only place that knows which dolfinx is there: written for 0.5.2 (Debian 12), with the later names beside."""
+"""The only place that knows which dolfinx is there.
+
+Run with 0.5.2 (Debian 12); the names of later versions stand beside.
+"""
 
 import inspect
 
@@ -28,14 +31,16 @@ def create_mesh(comm, cells: Integers, points: Floats):
 def space(domain, family: str, degree: int, components: int = 0):
     """A space of scalars or, blocked, of vectors with some components."""
     if hasattr(fem, "functionspace"):
-        return fem.functionspace(domain, (family, degree, (components,)) if components else (family, degree))
+        return fem.functionspace(
+            domain, (family, degree, (components,)) if components else (family, degree)
+        )
     if components:
         return fem.VectorFunctionSpace(domain, (family, degree), dim=components)
     return fem.FunctionSpace(domain, (family, degree))
 
 
 def table(adjacency, cells: int) -> Integers:
-    """Dofs or nodes of every local cell, (cells, ..): an adjacency list until 0.6, an array later."""
+    """Dofs or nodes of every local cell: an adjacency list until 0.6, an array later."""
     return np.asarray(getattr(adjacency, "array", adjacency)).reshape(cells, -1)
 
 
@@ -47,5 +52,7 @@ def boundary_facets(domain) -> tuple[Integers, Integers]:
     facets = mesh.exterior_facet_indices(domain.topology)
     if hasattr(mesh, "entities_to_geometry"):
         return facets, mesh.entities_to_geometry(domain, dimension - 1, facets)
-    wrapped = domain._cpp_object if hasattr(domain, "_cpp_object") else domain._mesh  # until 0.7, until 0.5
+    wrapped = (
+        domain._cpp_object if hasattr(domain, "_cpp_object") else domain._mesh
+    )  # until 0.7, until 0.5
     return facets, cpp.mesh.entities_to_geometry(wrapped, dimension - 1, facets, False)

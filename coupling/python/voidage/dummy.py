@@ -1,4 +1,4 @@
-"""The smallest fluid solver: a uniform stream with hydrostatic pressure, which the grains do not disturb.
+"""The smallest fluid solver: a uniform stream with hydrostatic pressure, come what may.
 
 Copy this file to begin a solver of your own: keep the class, and let ``solve`` compute the fields.
 """

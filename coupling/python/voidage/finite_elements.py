@@ -1,4 +1,4 @@
-"""What solvers by finite elements share: the order of a step, and the data of its forms that are known before."""
+"""What solvers by finite elements share: the order of a step, the coefficients of its forms."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ class FlowData:
     weight: Floats
     """Nodal rho g (1 - beta (T - T_R)), (n, D)."""
     share: Floats
-    """Nodal share of the volume that the weight acts on, (n): the voidage. With grains it is one, and what they displace
-    is taken off piece by piece (:meth:`voidage.pieces.PieceSums.flow`)."""
+    """Nodal share of the volume that the weight acts on, (n): the voidage. With grains it is one,
+    and what they displace is taken off piece by piece (:meth:`voidage.pieces.PieceSums.flow`)."""
     solid_flux: Floats
-    """Nodal projection of phi v at the accepted state, (n, D), for the least-squares incompressibility; zero without
-    grains."""
+    """Nodal projection of phi v at the accepted state, (n, D), for the least-squares
+    incompressibility; zero without grains."""
 
 
 class FiniteElements(Solver):
-    """One step: energy with u_n, then momentum and mass by Newton steps about u_n and its successors."""
+    """One step: energy with u_n, then momentum and mass by Newton steps, the first about u_n."""
 
     def set_mesh(self, problem: Problem) -> None:
         self.problem = problem
@@ -70,7 +70,9 @@ class FiniteElements(Solver):
     ) -> tuple[Floats, Floats]:
         """Velocity and pressure at the nodes, the convection linearised about a velocity."""
 
-    def _flow_data(self, step: Step, sums: PieceSums | None, temperature: Floats | None) -> FlowData:
+    def _flow_data(
+        self, step: Step, sums: PieceSums | None, temperature: Floats | None
+    ) -> FlowData:
         problem, cells = self.problem, self.cells
         lightness = np.ones(len(problem.points))
         if temperature is not None:

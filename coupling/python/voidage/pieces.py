@@ -1,7 +1,7 @@
-"""Sums over the pieces of the grains: cell matrices of the exchange, the solid flux, the fluid at the grains.
+"""Sums over the pieces of the grains: exchange per cell, solid flux, the fluid at the grains.
 
-Notation: grain i has volume V, drag gamma, mobility a and velocity b; a piece q of it lies in one cell, with the share
-s of the grain and the shape functions phi at its centroid. The exchange is
+Notation: grain i has volume V, drag gamma, mobility a and velocity b; a piece q of it lies in one
+cell, with the share s of the grain and the shape functions phi at its centroid. The exchange is
 
     f_p = V grad p - gamma (u - v*),   v* = b + a (gamma u - V grad p),
     q_p = -hA (T - T*),                T* = bT + aT hA T.
@@ -14,14 +14,18 @@ from .solver import AtGrains, Fields, Floats, Grains, Pieces
 
 
 class PieceSums:
-    """The pieces of one step on a mesh; c counts the cells that have any, B = D + 1 nodes of a cell."""
+    """The pieces of a step on a mesh; c counts the cells that have any, B = D + 1 their nodes."""
 
     def __init__(self, mesh: Cells, pieces: Pieces, grains: Grains):
         grain = np.repeat(np.arange(len(pieces.first) - 1), np.diff(pieces.first))
         self.mesh, self.pieces, self.grain = mesh, pieces, grain
         self.share, self.shape = pieces.share, pieces.shape
         self.nodes, self.gradient = mesh.nodes[pieces.cell], mesh.gradient[pieces.cell]
-        self.volume, self.drag, self.mobility = grains.volume[grain], grains.drag[grain], grains.mobility[grain]
+        self.volume, self.drag, self.mobility = (
+            grains.volume[grain],
+            grains.drag[grain],
+            grains.mobility[grain],
+        )
         self.velocity, self.heated = grains.velocity[grain], grains.heat is not None
         if self.heated:
             self.coefficient = grains.heat.coefficient[grain]
@@ -43,17 +47,27 @@ class PieceSums:
         sums = [np.bincount(self.grain, self.share * column, count) for column in columns]
         return np.stack(sums, axis=1).reshape(count, *values.shape[1:])
 
-    def flow(self, stabilisation: Stabilisation, density: float, weight: Floats) -> tuple[Floats, Floats]:
+    def flow(
+        self, stabilisation: Stabilisation, density: float, weight: Floats
+    ) -> tuple[Floats, Floats]:
         """Terms of the grains in momentum and mass, their stabilisation included.
 
-        -<f_p, v + xi (U . grad) v> - <phi v*, grad q> - (xi / rho) <f_p, grad q>, and the weight of the fluid that the
-        grains displace, <phi rho g (1 - beta (T - T_R)), ..> in the same tests. ``weight`` holds the nodal values of
-        rho g (1 - beta (T - T_R)), (n, D). The fluid's own weight is then that of a cell without grains: with the
-        voidage made of the pieces, as in V grad p, a fluid at rest between held grains solves the discrete equations.
+        -<f_p, v + xi (U . grad) v> - <phi v*, grad q> - (xi / rho) <f_p, grad q>, and the weight of
+        the fluid that the grains displace, <phi rho g (1 - beta (T - T_R)), ..> in the same tests.
+        ``weight`` holds the nodal values of rho g (1 - beta (T - T_R)), (n, D). The fluid's own
+        weight is then that of a cell without grains: with the voidage made of the pieces, as in V
+        grad p, a fluid at rest between held grains solves the discrete equations.
 
         Returns matrices (c, B, D + 1, B, D + 1) and right-hand sides (c, B, D + 1).
         """
-        phi, s, V, gamma, a, b = self.shape, self.share, self.volume, self.drag, self.mobility, self.velocity
+        phi, s, V, gamma, a, b = (
+            self.shape,
+            self.share,
+            self.volume,
+            self.drag,
+            self.mobility,
+            self.velocity,
+        )
         pairs = phi[:, :, None] * phi[:, None, :]
         drag = self._by_cell((s * gamma * (1 - a * gamma))[:, None, None] * pairs)
         pressure = self._by_cell((s * V * (a * gamma - 1))[:, None] * phi)
@@ -69,7 +83,11 @@ class PieceSums:
         along = time * np.einsum("ci,cai->ca", stabilisation.direction[self.cells], gradient)
         across = time[..., None] / density * gradient
         # Residual of the grains in a cell: drag u + pressure grad p - force.
-        drag_sum, pressure_sum, force_sum = drag.sum(axis=1), pressure.sum(axis=1), force.sum(axis=1)
+        drag_sum, pressure_sum, force_sum = (
+            drag.sum(axis=1),
+            pressure.sum(axis=1),
+            force.sum(axis=1),
+        )
         drag = drag + along[:, :, None] * drag_sum[:, None, :]
         pressure = pressure + along * pressure_sum[:, None]
         force = force + along[:, :, None] * force_sum[:, None, :]
@@ -81,8 +99,12 @@ class PieceSums:
         matrix[:, :, :D, :, D] = np.einsum("ca,cbi->caib", pressure, gradient)
         matrix[:, :, D, :, :D] = np.einsum("cai,cb->cabi", across, drag_sum)
         matrix[:, :, D, :, :D] -= np.einsum("cai,cb->cabi", gradient, carried)
-        matrix[:, :, D, :, D] = np.einsum("cai,cbi->cab", across * pressure_sum[:, None, None], gradient)
-        matrix[:, :, D, :, D] += diffusion[:, None, None] * np.einsum("cai,cbi->cab", gradient, gradient)
+        matrix[:, :, D, :, D] = np.einsum(
+            "cai,cbi->cab", across * pressure_sum[:, None, None], gradient
+        )
+        matrix[:, :, D, :, D] += diffusion[:, None, None] * np.einsum(
+            "cai,cbi->cab", gradient, gradient
+        )
         rhs = np.zeros((count, B, D + 1))
         rhs[:, :, :D] = force
         rhs[:, :, D] = np.einsum("cai,ci->ca", gradient, volume_flux)
@@ -90,7 +112,10 @@ class PieceSums:
         return matrix, rhs
 
     def energy(self, direction: Floats, time: Floats) -> tuple[Floats, Floats]:
-        """-<q_p, S + xi_T U . grad S> with U (m, D) and xi_T (m): matrices (c, B, B) and right-hand sides (c, B)."""
+        """-<q_p, S + xi_T U . grad S>, with U (m, D) and xi_T (m) as ``direction`` and ``time``.
+
+        Returns matrices (c, B, B) and right-hand sides (c, B).
+        """
         phi, hA = self.shape, self.share * self.coefficient
         slip = hA * (1 - self.heat_mobility * self.coefficient)
         exchange = self._by_cell(slip[:, None, None] * phi[:, :, None] * phi[:, None, :])
@@ -116,9 +141,10 @@ class PieceSums:
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law v* at the given fields, (n, D)."""
         moved = (self.share * self.volume)[:, None] * self._law(*self._at(fields))
-        flux = np.zeros_like(fields.velocity)
-        np.add.at(flux, self.nodes, self.shape[:, :, None] * moved[:, None, :])
-        return flux / self.mesh.nodal_volume[:, None]
+        nodes, volume = self.nodes.ravel(), self.mesh.nodal_volume
+        parts = [self.shape * component[:, None] for component in moved.T]
+        sums = [np.bincount(nodes, part.ravel(), len(volume)) for part in parts]
+        return np.stack(sums, axis=1) / volume[:, None]
 
     def sample(self, fields: Fields) -> AtGrains:
         """Means of the fields over the pieces of each grain."""

@@ -1,27 +1,56 @@
-"""The fluid in scikit-fem: volume-averaged Navier-Stokes with heat, P1-P1, stabilised by PSPG, SUPG and LSIC.
+"""The fluid in scikit-fem: volume-averaged Navier-Stokes with heat, stabilised P1-P1 elements.
 
-    <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v> - <eps rho g (1 - beta (T - T_R)), v>
+    <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v>
+        - <eps rho g (1 - beta (T - T_R)), v>
         + sum_e xi <R_u, (U . grad) v>_e + sum_e rho xi_c <R_p, div v>_e = <<sigma n, v>>
     <div(phi v*), q> + <div(eps u), q> + sum_e (xi / rho) <R_u, grad q>_e = 0
-    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S> + sum_e xi_T <R_T, U . grad S>_e = boundary heat
+    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S>
+        + sum_e xi_T <R_T, U . grad S>_e = boundary heat
 
-Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more often; U is u_n at
-the centroid. The energy is solved first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
+Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more
+often; U is u_n at the centroid. The energy is solved first, with u_n. The terms of the grains come
+from :mod:`voidage.pieces`.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
-from skfem import Basis, BilinearForm, ElementTetP1, ElementTriP1, ElementVector, FacetBasis, LinearForm
-from skfem import MeshTet, MeshTri
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementTetP1,
+    ElementTriP1,
+    ElementVector,
+    FacetBasis,
+    LinearForm,
+    MeshTet,
+    MeshTri,
+)
 from skfem.helpers import ddot, div, dot, grad, mul, transpose
 
 from .boundary import hold_flow, hold_heat
 from .finite_elements import FiniteElements, FlowData
 from .pieces import PieceSums
-from .solver import Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step
+from .solver import Floats, Flow, Integers, Newton, Open, OpenHeat, Problem, Report, Step
 
-QUADRATURE = 4  # degree of the rules in cells and, the upwind terms not being polynomials, on facets
+Sparse = sp.csr_array | sp.csr_matrix
+QUADRATURE = 4
+"""Degree of the rules in cells and on facets; there it matters: upwind terms are no polynomials."""
+
+
+class Facets(NamedTuple):
+    """The spaces of T, u and (u, p) on a part of the boundary."""
+
+    scalar: FacetBasis
+    vector: FacetBasis
+    mixed: FacetBasis
+
+    def inflow(self, velocity: Floats) -> Floats:
+        """min(u . n, 0) at the quadrature points."""
+        u = self.vector.interpolate(velocity.ravel())
+        return np.minimum(dot(u, self.scalar.normals), 0)
 
 
 class ScikitFem(FiniteElements):
@@ -32,17 +61,19 @@ class ScikitFem(FiniteElements):
         plane = problem.dimension == 2
         make, scalar = (MeshTri, ElementTriP1()) if plane else (MeshTet, ElementTetP1())
         mesh = make(problem.points.T.copy(), problem.cells.T.copy())
+        vector, mixed = ElementVector(scalar), ElementVector(scalar) * scalar
         self.scalar = Basis(mesh, scalar, intorder=QUADRATURE)
-        self.vector = self.scalar.with_element(ElementVector(scalar))
-        self.mixed = self.scalar.with_element(ElementVector(scalar) * scalar)
-        self.facets = {
-            name: FacetBasis(mesh, scalar, facets=_facet_numbers(mesh.facets.T, nodes), intorder=QUADRATURE)
-            for name, nodes in problem.boundaries.items()
-        }
+        self.vector, self.mixed = map(self.scalar.with_element, (vector, mixed))
+        self.facets = {}
+        for name, nodes in problem.boundaries.items():
+            numbers = _facet_numbers(mesh.facets.T, nodes)
+            basis = FacetBasis(mesh, scalar, facets=numbers, intorder=QUADRATURE)
+            self.facets[name] = Facets(basis, *map(basis.with_element, (vector, mixed)))
 
     def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
         problem, heat, dt = self.problem, self.problem.heat, step.dt
-        C, k, wall, wall_T = heat.capacity, heat.conductivity, heat.wall_coefficient, heat.wall_temperature
+        C, k = heat.capacity, heat.conductivity
+        wall, wall_T = heat.wall_coefficient, heat.wall_temperature
         eps = self.scalar.interpolate(step.voidage)
         u = self.vector.interpolate(self.state.velocity.ravel())
         old = self.scalar.interpolate(self.state.temperature)
@@ -62,16 +93,17 @@ class ScikitFem(FiniteElements):
 
         A, b = matrix.assemble(self.scalar), rhs.assemble(self.scalar)
         for condition in step.conditions:
-            basis = self.facets[condition.boundary]
+            facets = self.facets[condition.boundary]
             match condition.heat:
                 case Newton(coefficient, outside):
                     transfer = coefficient
                 case OpenHeat(outside) if outside is not None:
-                    transfer = -C * basis.interpolate(step.voidage) * np.minimum(self._through(basis), 0)
+                    wet = facets.scalar.interpolate(step.voidage)
+                    transfer = -C * wet * facets.inflow(self.state.velocity)
                 case _:
                     continue
-            A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(basis)
-            b = b + LinearForm(lambda S, _, h=transfer, T=outside: h * T * S).assemble(basis)
+            A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(facets.scalar)
+            b = b + LinearForm(lambda S, _, h=transfer * outside: h * S).assemble(facets.scalar)
         if sums is not None and sums.heated:
             blocks, loads = sums.energy(U, xi)
             A, b = _add_blocks(A, b, self.problem.cells[sums.cells], blocks, loads)
@@ -88,7 +120,7 @@ class ScikitFem(FiniteElements):
         old = self.vector.interpolate(self.state.velocity.ravel())
         at = self.vector.interpolate(about.ravel())
         weight = self.scalar.interpolate(data.share) * self.vector.interpolate(data.weight.ravel())
-        flux_divergence = 0 if sums is None else div(self.vector.interpolate(data.solid_flux.ravel()))
+        solid_flux = self.vector.interpolate(data.solid_flux.ravel())
         source_u = source_p = 0
         if step.sources is not None:
             source_u = self.vector.interpolate(step.sources.momentum.ravel())
@@ -116,12 +148,13 @@ class ScikitFem(FiniteElements):
             return (
                 dot(force, v + mul(grad(v), xi_U) + xi / rho * grad(q))
                 + source_p * q
-                + rho * xi_c * (source_p - flux_divergence) * div(v)
+                + rho * xi_c * (source_p - div(solid_flux)) * div(v)
             )
 
         A, b = matrix.assemble(self.mixed), rhs.assemble(self.mixed)
         for condition in step.conditions:
-            A, b = self._add_boundary(A, b, condition.flow, self.facets[condition.boundary], step.voidage)
+            facets = self.facets[condition.boundary]
+            A, b = self._add_boundary(A, b, condition.flow, facets, step.voidage)
         if sums is not None:
             blocks, loads = sums.flow(data.stabilisation, rho, data.weight)
             A, b = _add_blocks(A, b, problem.cells[sums.cells], blocks, loads)
@@ -129,21 +162,17 @@ class ScikitFem(FiniteElements):
         report.iterations += 1
         return x[:, :-1].copy(), x[:, -1].copy()
 
-    def _add_boundary(self, A, b, flow, facets: FacetBasis, voidage: Floats):
-        """<<eps u . n, q>>, and where it is open <<p_out n, v>> - <<eps rho min(u_n . n, 0) u, v>>."""
-        basis = facets.with_element(self.mixed.elem)
-        eps, rho = facets.interpolate(voidage), self.problem.density
+    def _add_boundary(
+        self, A: Sparse, b: Floats, flow: Flow, facets: Facets, voidage: Floats
+    ) -> tuple[Sparse, Floats]:
+        """<<eps u . n, q>>, and if open <<p_out n, v>> - <<eps rho min(u_n . n, 0) u, v>>."""
+        eps, basis = facets.scalar.interpolate(voidage), facets.mixed
         A = A + BilinearForm(lambda u, p, v, q, w: eps * dot(u, w.n) * q).assemble(basis)
         if isinstance(flow, Open):
-            inflow = -rho * eps * np.minimum(self._through(facets), 0)
-            A = A + BilinearForm(lambda u, p, v, q, w: inflow * dot(u, v)).assemble(basis)
+            taken = -self.problem.density * eps * facets.inflow(self.state.velocity)
+            A = A + BilinearForm(lambda u, p, v, q, w: taken * dot(u, v)).assemble(basis)
             b = b - LinearForm(lambda v, q, w: flow.pressure * dot(w.n, v)).assemble(basis)
         return A, b
-
-    def _through(self, facets: FacetBasis) -> Floats:
-        """u_n . n at the quadrature points of facets."""
-        basis = facets.with_element(self.vector.elem)
-        return dot(basis.interpolate(self.state.velocity.ravel()), facets.normals)
 
 
 def _facet_numbers(all_facets: Integers, wanted: Integers) -> Integers:
@@ -151,8 +180,10 @@ def _facet_numbers(all_facets: Integers, wanted: Integers) -> Integers:
     return np.array([number[tuple(nodes)] for nodes in np.sort(wanted, axis=1).tolist()], dtype=int)
 
 
-def _add_blocks(A, b: Floats, cells: Integers, blocks: Floats, loads: Floats):
-    """Adds the matrices and right-hand sides of cells, whose unknowns are those of their nodes in turn."""
+def _add_blocks(
+    A: Sparse, b: Floats, cells: Integers, blocks: Floats, loads: Floats
+) -> tuple[Sparse, Floats]:
+    """Adds the equations of cells, whose unknowns are those of their nodes in turn."""
     components = loads.size // cells.size
     dofs = (components * cells[:, :, None] + np.arange(components)).reshape(len(cells), -1)
     size = dofs.shape[1]
@@ -161,17 +192,20 @@ def _add_blocks(A, b: Floats, cells: Integers, blocks: Floats, loads: Floats):
     return A + more.tocsr(), b + np.bincount(dofs.ravel(), loads.ravel(), len(b))
 
 
-def _solve(A, b: Floats, free: Floats, value: Floats, tolerance: float) -> tuple[Floats, float]:
-    """Solves A x = b where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`), x = value in the rest.
+def _solve(
+    A: Sparse, b: Floats, free: Floats, value: Floats, tolerance: float
+) -> tuple[Floats, float]:
+    """Solves A x = b where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`).
 
-    The conditions take the place of the equations that fall away, scaled as the diagonal that they had. Returns the
-    solution, one row per node, and the residual relative to the right-hand side, both scaled to a unit diagonal.
+    The rest is ``value``: the conditions take the place of the equations that fall away, scaled as
+    the diagonal that they had. Returns the solution, one row per node, and the residual relative to
+    the right-hand side, both scaled to a unit diagonal.
     """
     count = len(free)
     projector = sp.bsr_array((free, np.arange(count), np.arange(count + 1))).tocsr()
     held = sp.diags_array(np.abs(A.diagonal())) @ (sp.eye_array(len(b)) - projector)
     A, b = projector @ A + held, projector @ b + held @ value.ravel()
-    # With equations and unknowns scaled to a unit diagonal there is hardly need to pivot, and little fill.
+    # Scaled to a unit diagonal the system hardly needs pivots, and fills little.
     unit = 1 / np.sqrt(np.abs(A.diagonal()))
     A, b = sp.csc_array(sp.diags_array(unit) @ A @ sp.diags_array(unit)), unit * b
     factors = splu(A, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
@@ -179,5 +213,7 @@ def _solve(A, b: Floats, free: Floats, value: Floats, tolerance: float) -> tuple
     x += factors.solve(b - A @ x)
     residual = float(np.linalg.norm(b - A @ x) / (np.linalg.norm(b) or 1))
     if not residual <= tolerance:
-        raise ArithmeticError(f"the linear system is nearly singular: its relative residual is {residual:.1e}")
+        raise ArithmeticError(
+            f"the linear system is nearly singular: its relative residual is {residual:.1e}"
+        )
     return (unit * x).reshape(value.shape), residual

@@ -1,9 +1,9 @@
 """What a fluid solver is: the data it gets, the data it gives, and the four methods between them.
 
-A solver never knows the coupling scheme. Grain ``i`` comes with its drag coefficient ``gamma`` and the affine law of
-the velocity that it will have, ``v* = velocity + mobility (gamma u - volume grad p)``; with heat likewise
-``T* = temperature + mobility (coefficient T)``. All quantities are in SI units; ``D`` is 2 or 3, ``n`` counts
-nodes, ``m`` cells, ``g`` grains, ``q`` pieces of grains.
+A solver never knows the coupling scheme. Grain ``i`` comes with its drag coefficient ``gamma`` and
+the affine law of the velocity that it will have, ``v* = velocity + mobility (gamma u - volume grad
+p)``; with heat likewise ``T* = temperature + mobility (coefficient T)``. All quantities are in SI
+units; ``D`` is 2 or 3, ``n`` counts nodes, ``m`` cells, ``g`` grains, ``q`` pieces of grains.
 """
 
 from abc import ABC, abstractmethod
@@ -75,13 +75,17 @@ class OpenHeat:
     temperature: float | None
 
 
+Flow = Velocity | SuperficialVelocity | NoSlip | Slip | Open
+HeatFlow = Temperature | Newton | Adiabatic | OpenHeat
+
+
 @dataclass(frozen=True)
 class Condition:
     """Conditions on one named part of the boundary."""
 
     boundary: str
-    flow: Velocity | SuperficialVelocity | NoSlip | Slip | Open
-    heat: Temperature | Newton | Adiabatic | OpenHeat = Adiabatic()
+    flow: Flow
+    heat: HeatFlow = Adiabatic()
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,8 @@ class Heat:
     reference: float
     """Temperature T_R at which gravity acts on the density rho, K."""
     wall_coefficient: float = 0.0
-    """lambda in q_l = lambda (T_w - T), heat from the front and rear walls of a thin cell, W/m3/K."""
+    """lambda in q_l = lambda (T_w - T), heat from the front and rear walls of a thin cell,
+    W/m3/K."""
     wall_temperature: float = 0.0
     """T_w, K."""
 
@@ -120,7 +125,8 @@ class Problem:
     cells: Integers
     """(m, D + 1), positively oriented."""
     boundaries: Mapping[str, Integers]
-    """Nodes of the facets of each named part, (k, D), oriented so that the normal points outward."""
+    """Nodes of the facets of each named part, (k, D), oriented so that the normal points
+    outward."""
     density: float
     viscosity: float
     gravity: Floats
@@ -184,7 +190,8 @@ class Pieces:
 
 @dataclass(frozen=True)
 class Sources:
-    """Nodal sources per volume, for manufactured solutions: momentum (n, D), mass over density, heat."""
+    """Nodal sources per volume, for manufactured solutions: momentum (n, D), mass over density,
+    heat."""
 
     momentum: Floats
     mass: Floats
@@ -232,7 +239,8 @@ class Report:
 
 
 class Solver(ABC):
-    """A fluid solver. ``solve`` always starts from the last accepted state: a scheme may call it many times."""
+    """A fluid solver. ``solve`` always starts from the last accepted state: a scheme may call it
+    many times."""
 
     @abstractmethod
     def set_mesh(self, problem: Problem) -> None:

@@ -1,0 +1,113 @@
+"""Meshes, random grains, and the solvers that this interpreter can run."""
+
+import importlib
+import itertools
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "coupling" / "python"))
+
+from voidage.cells import Cells
+from voidage.solver import Fields, GrainHeat, Grains, Pieces, Problem
+
+
+def box(n: int, dimension: int, lower: float = 0.0, upper: float = 1.0):
+    """A cube of n cells a side, each cut into D! simplices; its sides are x0, x1, y0, .."""
+    axis = np.linspace(lower, upper, n + 1)
+    points = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(
+        -1, dimension
+    )
+    stride = (n + 1) ** np.arange(dimension - 1, -1, -1)
+    corners = np.stack(np.meshgrid(*[np.arange(n)] * dimension, indexing="ij"), axis=-1)
+    corners = corners.reshape(-1, dimension) @ stride
+    cells = []
+    for order in itertools.permutations(range(dimension)):
+        offset = np.concatenate(([0], np.cumsum(stride[list(order)])))
+        if np.linalg.det(np.eye(dimension)[list(order)]) < 0:
+            offset[-2:] = offset[-1], offset[-2]
+        cells.append(corners[:, None] + offset)
+    cells = np.concatenate(cells)
+    return (
+        points,
+        cells,
+        {
+            f"{'xyz'[k]}{side}": _facets(points, cells, k, value, outward)
+            for k in range(dimension)
+            for side, value, outward in ((0, lower, -1.0), (1, upper, 1.0))
+        },
+    )
+
+
+def _facets(points, cells, axis, value, outward):
+    found = []
+    for skip in range(cells.shape[1]):
+        facets = np.delete(cells, skip, axis=1)
+        found.append(facets[(points[facets, axis] == value).all(axis=1)])
+    facets = np.concatenate(found)
+    edges = points[facets[:, 1:]] - points[facets[:, :1]]
+    if points.shape[1] == 2:
+        turned = np.stack((edges[:, 0, 1], -edges[:, 0, 0]), axis=1)
+    else:
+        turned = np.cross(edges[:, 0], edges[:, 1])
+    wrong = turned[:, axis] * outward < 0
+    facets[wrong, :2] = facets[wrong, 1::-1]
+    return facets
+
+
+def scatter(rng, points, cells, count: int = 25, held: bool = False):
+    """Random grains in up to four pieces each, and the voidage that they make."""
+    mesh, dimension = Cells(points, cells), points.shape[1]
+    first = np.concatenate(([0], rng.integers(1, 5, count).cumsum()))
+    cell = rng.integers(0, len(cells), first[-1])
+    shape, share = rng.dirichlet(np.ones(dimension + 1), len(cell)), rng.random(len(cell)) + 0.1
+    share /= np.repeat(np.add.reduceat(share, first[:-1]), np.diff(first))
+    pieces = Pieces(first, cell, shape, share)
+    volume, drag, transfer = (
+        0.2 * mesh.measure.sum() / count * rng.random(count),
+        rng.random(count),
+        rng.random(count),
+    )
+    still = 0.0 if held else 1.0
+    grains = Grains(
+        volume,
+        drag,
+        still * 0.9 * rng.random(count) / drag,
+        still * rng.standard_normal((count, dimension)),
+        GrainHeat(
+            transfer, still * 0.9 * rng.random(count) / transfer, 300 + 20 * rng.random(count)
+        ),
+    )
+    solid = np.zeros(len(points))
+    np.add.at(solid, cells[cell], (share * np.repeat(volume, np.diff(first)))[:, None] * shape)
+    return grains, pieces, np.maximum(1 - solid / mesh.nodal_volume, 1e-8)
+
+
+def problem(n: int, dimension: int, lower: float = 0.0, upper: float = 1.0, **changes) -> Problem:
+    """A box of fluid at rest."""
+    points, cells, boundaries = box(n, dimension, lower, upper)
+    rest = Fields(np.zeros_like(points), np.zeros(len(points)))
+    common = dict(density=1.3, viscosity=0.02, gravity=np.zeros(dimension), fields=rest)
+    return Problem(points, cells, boundaries, **common | changes)
+
+
+SOLVERS = {
+    "scikit-fem": ("voidage.scikit_fem", "ScikitFem", {}),
+    "fenicsx": ("voidage.fenicsx", "FEniCSx", {}),
+    "fenicsx-iterative": ("voidage.fenicsx", "FEniCSx", {"linear": "iterative"}),
+}
+
+
+@pytest.fixture(params=SOLVERS)
+def solver(request):
+    """A new solver of every kind that is installed for this interpreter."""
+    module, name, options = SOLVERS[request.param]
+    pytest.importorskip("skfem" if "scikit" in module else "dolfinx")
+    return getattr(importlib.import_module(module), name)(**options)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
