@@ -5,7 +5,22 @@ one class with the four methods of :class:`Solver`; ``python -m voidage.adapter 
 it a process that ``voidage run`` exchanges with. All quantities are in SI units, in the plane per metre of depth.
 """
 
-from ._voidage import Answer, Columns, Frame, GrainState, Mesh, Overlap, Peer, Simulation, System, __version__
+try:
+    from ._voidage import (
+        Answer,
+        Columns,
+        Frame,
+        GrainState,
+        Mesh,
+        Overlap,
+        Peer,
+        Simulation,
+        System,
+        __version__,
+    )
+except ImportError as error:
+    help = "help: tests/python-setup builds and installs the package"
+    raise ImportError(f"{error}\n  {help}") from error
 from .solver import AtGrains, Fields, Pieces, Problem, Report, Solver, Step
 
 __all__ = [

@@ -1,10 +1,11 @@
-"""The loop that the process of a fluid solver sits in, and the way from the data of a run to those of a solver.
+"""The loop that the process of a fluid solver sits in, and the way from a run's data to a solver's.
 
     python -m voidage.adapter MODULE[:CLASS] --connect ADDRESS [--option KEY=VALUE ..]
 
-makes a process for ``voidage run`` of a class with the methods of :class:`voidage.solver.Solver`. MODULE is the name of
-a module or the path of a file; CLASS may be left out where the module defines one solver. Options are arguments of the
-class. Under ``mpirun`` the first rank talks with the run, and the methods are called on every rank with the same data.
+makes a process for ``voidage run`` of a class with the methods of :class:`voidage.solver.Solver`.
+MODULE is the name of a module or the path of a file; CLASS may be left out where the module defines
+one solver. Options are arguments of the class. Under ``mpirun`` the first rank talks with the run,
+and the methods are called on every rank with the same data.
 """
 
 import argparse
@@ -23,7 +24,20 @@ import numpy as np
 
 from . import solver as data
 from ._voidage import Overlap, Peer
-from .solver import AtGrains, Condition, Fields, Floats, GrainHeat, Grains, Heat, Pieces, Problem, Report, Solver, Step
+from .solver import (
+    AtGrains,
+    Condition,
+    Fields,
+    Floats,
+    GrainHeat,
+    Grains,
+    Heat,
+    Pieces,
+    Problem,
+    Report,
+    Solver,
+    Step,
+)
 
 LAST_FRAMES = 3
 """Frames of a traceback that the user of the run sees; all of them are in the log."""
@@ -32,12 +46,17 @@ Arrays = tuple[Floats, data.Integers, Mapping[str, data.Integers]]
 """Points, cells and boundaries of a mesh."""
 
 
-# --------------------------------------------------------------------------------- from a run to a solver
+# ---- from a run to a solver
 
 
 def conditions(described: Sequence[Mapping[str, Any]]) -> tuple[Condition, ...]:
-    """Conditions as a run describes them: ``{"boundary": .., "flow": "slip" | {"open": {..}}, "heat": ..}``."""
-    return tuple(Condition(each["boundary"], _flow(each["flow"]), _heat(each["heat"])) for each in described)
+    """Conditions as a run describes them.
+
+    Each is ``{"boundary": .., "flow": "slip" | {"open": {..}} | .., "heat": ..}``.
+    """
+    return tuple(
+        Condition(each["boundary"], _flow(each["flow"]), _heat(each["heat"])) for each in described
+    )
 
 
 def _variant(described: str | Mapping[str, Any]) -> tuple[str, Any]:
@@ -109,8 +128,12 @@ def grains(columns: Mapping[str, Floats]) -> Grains:
     """The grains of a step from its columns."""
     heat = None
     if "heat_coefficient" in columns:
-        heat = GrainHeat(columns["heat_coefficient"], columns["heat_mobility"], columns["temperature"])
-    return Grains(columns["volume"], columns["drag"], columns["mobility"], columns["velocity"], heat)
+        heat = GrainHeat(
+            columns["heat_coefficient"], columns["heat_mobility"], columns["temperature"]
+        )
+    return Grains(
+        columns["volume"], columns["drag"], columns["mobility"], columns["velocity"], heat
+    )
 
 
 class Driver:
@@ -122,7 +145,7 @@ class Driver:
         self.mesh: Arrays | None = None
 
     def start(self, mesh, fields: Mapping[str, Floats]) -> None:
-        """Takes a mesh, an object or a tuple of points, cells and boundaries, and the accepted fields on it."""
+        """Takes a mesh (or a tuple of points, cells and boundaries) and the accepted fields."""
         self.mesh = mesh if isinstance(mesh, tuple) else (mesh.points, mesh.cells, mesh.boundaries)
         self.solver.set_mesh(problem(self.setup, self.mesh, Fields(**fields)))
 
@@ -138,7 +161,7 @@ class Driver:
         pieces: tuple | None,
         voidage: Floats | None,
     ) -> tuple[AtGrains, Report]:
-        """Solves a step; ``described`` are its conditions as JSON, or empty if they have not changed."""
+        """Solves a step; ``described`` are its conditions as JSON, empty if they are the old."""
         if described:
             self.conditions = conditions(json.loads(described))
         step = Step(dt, self.conditions, np.ones(len(self.mesh[0])) if voidage is None else voidage)
@@ -146,7 +169,9 @@ class Driver:
             step = Step(dt, self.conditions, voidage, grains(columns), Pieces(*pieces))
         answer = self.solver.solve(step)
         if not (isinstance(answer, tuple) and len(answer) == 2):
-            raise TypeError(f"`solve` returned {type(answer).__name__}, it must return (AtGrains, Report)")
+            raise TypeError(
+                f"`solve` returned {type(answer).__name__}, it must return (AtGrains, Report)"
+            )
         return answer
 
     def accept(self) -> None:
@@ -158,7 +183,7 @@ class Driver:
         return self.solver.fields()
 
 
-# ------------------------------------------------------------------------------------ the loop of a process
+# ---- the loop of a process
 
 
 class Ranks:
@@ -214,7 +239,7 @@ class Server:
         self.heat = json.loads(peer.setup)["heat"] is not None
 
     def run(self) -> None:
-        """Answers until the run says goodbye. What the solver raises is told to the run, which then decides."""
+        """Answers until the run says goodbye. What the solver raises is told to the run."""
         while True:
             frame = self.peer.receive(1.0)
             if frame is None:
@@ -286,12 +311,11 @@ def _communicator():
 def serve(make: Callable[[], Solver], address: str, wait: float = 60.0) -> None:
     """Serves the run at an address with a solver, until the run says goodbye.
 
-    ``make`` makes the solver; ``wait`` is how long the run may take to be there, s. Raises RuntimeError if the run
-    is gone.
+    ``make`` makes the solver; ``wait`` is how long the run may take to be there, s. Raises
+    RuntimeError if the run is gone.
     """
     solver, communicator = make(), _communicator()
     first = communicator is None or communicator.rank == 0
-    # The hello first, so that the run need not wait for what the solver does when it gets a mesh.
     peer = Peer(address, type(solver).__name__, wait=wait) if first else None
     setup = peer.setup if first else None
     if communicator is not None:
@@ -306,11 +330,11 @@ def serve(make: Callable[[], Solver], address: str, wait: float = 60.0) -> None:
         ranks.dismiss()
 
 
-# ------------------------------------------------------------------------------------- the command line
+# ---- the command line
 
 
 def find(name: str) -> type:
-    """The class ``MODULE[:CLASS]`` or ``FILE.py[:CLASS]``; without CLASS the only solver that the module defines."""
+    """The class ``MODULE[:CLASS]`` or ``FILE.py[:CLASS]``; without CLASS the only one there."""
     place, _, wanted = name.partition(":")
     if place.endswith(".py"):
         spec = importlib.util.spec_from_file_location(Path(place).stem, place)
@@ -324,11 +348,16 @@ def find(name: str) -> type:
     found = [
         value
         for value in vars(module).values()
-        if isinstance(value, type) and value.__module__ == module.__name__ and callable(getattr(value, "solve", None))
+        if isinstance(value, type)
+        and value.__module__ == module.__name__
+        and callable(getattr(value, "solve", None))
     ]
     if len(found) != 1:
         names = ", ".join(each.__name__ for each in found) or "none"
-        raise ValueError(f"{place} must define one class with a method `solve`, or give {place}:CLASS; there are {names}")
+        raise ValueError(
+            f"{place} must define one class with a method `solve`; there are {names}\n"
+            f"  help: give {place}:CLASS"
+        )
     return found[0]
 
 
@@ -343,18 +372,37 @@ def _option(text: str) -> tuple[str, Any]:
 
 
 def main(solver: type | None = None, arguments: Sequence[str] | None = None) -> int:
-    """The command line of the process of a solver: of a given class, or of one that the command line names."""
-    parser = argparse.ArgumentParser(description="Serve a run of voidage with a fluid solver in Python.")
+    """The command line of a solver process: of the given class, or of one that it names."""
+    parser = argparse.ArgumentParser(
+        description="Serve a run of voidage with a fluid solver in Python."
+    )
     if solver is None:
-        parser.add_argument("solver", metavar="MODULE[:CLASS]", help="a module, or the path of a Python file")
-    parser.add_argument("--connect", required=True, metavar="ADDRESS", help="shm:NAME or tcp:HOST:PORT")
-    parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="how long the run may take to be there")
+        parser.add_argument(
+            "solver", metavar="MODULE[:CLASS]", help="a module, or the path of a Python file"
+        )
     parser.add_argument(
-        "--option", type=_option, action="append", default=[], metavar="KEY=VALUE", help="an argument of the class"
+        "--connect", required=True, metavar="ADDRESS", help="shm:NAME or tcp:HOST:PORT"
+    )
+    parser.add_argument(
+        "--wait",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="how long the run may take to be there",
+    )
+    parser.add_argument(
+        "--option",
+        type=_option,
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="an argument of the class",
     )
     given = parser.parse_args(arguments)
     try:
-        serve(lambda: (solver or find(given.solver))(**dict(given.option)), given.connect, given.wait)
+        serve(
+            lambda: (solver or find(given.solver))(**dict(given.option)), given.connect, given.wait
+        )
     except RuntimeError as error:
         print(f"voidage.adapter: {error}", file=sys.stderr)
         return 1
