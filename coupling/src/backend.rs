@@ -109,7 +109,7 @@ pub struct FluidReport<const D: usize> {
 }
 
 /// A fluid solver. `solve` always starts from the last accepted state: schemes may call it many times.
-pub trait FluidBackend<const D: usize> {
+pub trait FluidBackend<const D: usize>: Send {
     /// Sets the mesh and the accepted fields: at the start, at a restart, after remeshing. Nothing of earlier
     /// steps may influence what follows.
     ///

@@ -251,6 +251,7 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
     Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume })
 }
 
+<<<<<<< HEAD
 /// The fluid solver that a scene asks for; it waits for its mesh.
 ///
 /// # Errors
@@ -259,6 +260,21 @@ pub fn backend(scene: &Scene, host: &Host) -> Result<Box<dyn FluidBackend<2>>> {
     let Some(described) = &scene.fluid else {
         return Err(Error::Input("the scene has no fluid".into()));
     };
+=======
+/// All that the fluid solver of a scene is told once; `None` without fluid.
+pub fn setup(scene: &Scene) -> Option<Setup<2>> {
+    let fluid = scene.fluid.as_ref()?;
+    let conditions = fluid.boundaries.iter().map(condition).collect();
+    Some(Setup::new(properties(scene, fluid), heat(fluid), numerics(fluid), conditions))
+}
+
+fn backend(
+    scene: &Scene,
+    described: &scene::Fluid,
+    conditions: &[Condition<2>],
+    host: &Host,
+) -> Result<Box<dyn FluidBackend<2>>> {
+>>>>>>> pyo3
     let (properties, heat) = (properties(scene, described), heat(described));
     let conditions: Vec<Condition<2>> = described.boundaries.iter().map(condition).collect();
     let numerics = numerics(described);

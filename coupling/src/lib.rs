@@ -151,6 +151,7 @@ pub struct Interaction<const D: usize> {
 }
 
 /// Grains and fluid, or one of them. What a scene does not have is not there.
+#[derive(Default)]
 pub struct Coupled<const D: usize> {
     /// The grains.
     pub grains: Option<Dem<D>>,
@@ -209,6 +210,11 @@ impl<const D: usize> Coupled<D> {
     /// Steps done.
     pub fn steps(&self) -> u64 {
         self.steps
+    }
+
+    /// Advances by another scheme from now on.
+    pub fn set_scheme(&mut self, scheme: Box<dyn Scheme<D>>) {
+        self.scheme = Some(scheme);
     }
 
     /// Sets time and number of steps, at a restart.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use voidage_fluid::Vector;
 
 /// A coupling scheme: one step of grains and fluid together.
-pub trait Scheme<const D: usize> {
+pub trait Scheme<const D: usize>: Send {
     /// Advances the coupled system by `dt`.
     ///
     /// # Errors

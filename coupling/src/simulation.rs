@@ -131,6 +131,11 @@ impl Simulation {
         &self.coupled
     }
 
+    /// The coupled system, to change between two steps.
+    pub fn coupled_mut(&mut self) -> &mut Coupled<2> {
+        &mut self.coupled
+    }
+
     /// Time, s.
     pub fn time(&self) -> f64 {
         // Not the sum of the steps, whose last digits drift.

@@ -203,7 +203,8 @@ impl Layout {
         }
     }
 
-    pub(super) fn describe(&self, kind: Kind, length: usize) -> Header {
+    /// The header of a frame of these columns with so many numbers in all.
+    pub fn describe(&self, kind: Kind, length: usize) -> Header {
         Header {
             rows: self.rows as u64,
             stride: self.stride as u64,

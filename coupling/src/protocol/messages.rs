@@ -122,6 +122,27 @@ impl<const D: usize> GrainLoad<D> {
 /// Numbers of a report without the force.
 const REPORT: usize = 7;
 
+impl<const D: usize> FluidReport<D> {
+    /// Numbers that it takes, behind the columns of a solution.
+    pub const NUMBERS: usize = REPORT + D;
+
+    /// Writes it to the last numbers of a payload.
+    pub fn write(&self, payload: &mut [f64]) {
+        let start = payload.len() - Self::NUMBERS;
+        let (report, numbers) = (&self.solver, &mut payload[start..]);
+        numbers[..REPORT].copy_from_slice(&[
+            report.flow_iterations as f64,
+            report.heat_iterations as f64,
+            report.residual,
+            f64::from(report.factored),
+            report.heat_s,
+            report.flow_s,
+            self.heat,
+        ]);
+        numbers[REPORT..].copy_from_slice(self.force.as_slice());
+    }
+}
+
 /// The fluid at the grains.
 pub struct SolutionMessage<'a, const D: usize> {
     at: &'a AtBodies<D>,
@@ -139,7 +160,7 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
 
     /// Its header.
     pub fn header(&self) -> Header {
-        self.layout.describe(Kind::Solution, self.layout.end() + REPORT + D)
+        self.layout.describe(Kind::Solution, self.layout.end() + FluidReport::<D>::NUMBERS)
     }
 
     /// Writes the payload.
@@ -148,17 +169,7 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
         layout.put_vectors(payload, Column::Velocity, &self.at.velocity);
         layout.put_vectors(payload, Column::PressureGradient, &self.at.pressure_gradient);
         layout.put(payload, Column::Temperature, &self.at.temperature);
-        let (report, numbers) = (&self.report.solver, &mut payload[layout.end()..]);
-        numbers[..REPORT].copy_from_slice(&[
-            report.flow_iterations as f64,
-            report.heat_iterations as f64,
-            report.residual,
-            f64::from(report.factored),
-            report.heat_s,
-            report.flow_s,
-            self.report.heat,
-        ]);
-        numbers[REPORT..].copy_from_slice(self.report.force.as_slice());
+        self.report.write(payload);
     }
 }
 

@@ -1,0 +1,34 @@
+//! The compiled part of the Python package `voidage`: simulations, schemes and solvers written in Python, the cut of
+//! grains by a mesh, and the solver's end of the exchange with a run in another process.
+
+mod arrays;
+mod columns;
+mod errors;
+mod mesh;
+mod peer;
+mod report;
+mod scheme;
+mod simulation;
+mod solver;
+mod views;
+
+use pyo3::prelude::*;
+
+/// The compiled part of the package `voidage`.
+#[pymodule]
+mod _voidage {
+    #[pymodule_export]
+    use crate::columns::Columns;
+    #[pymodule_export]
+    use crate::mesh::{Mesh, Overlap};
+    #[pymodule_export]
+    use crate::peer::{Answer, Frame, Peer};
+    #[pymodule_export]
+    use crate::scheme::{GrainState, System};
+    #[pymodule_export]
+    use crate::simulation::Simulation;
+
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

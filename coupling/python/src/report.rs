@@ -1,0 +1,54 @@
+//! What a step reports, as a dictionary.
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use voidage_coupling::StepReport;
+
+/// The dictionary of a report; parts that the scene does not have are not there.
+pub fn dictionary<'py>(py: Python<'py>, report: &StepReport) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    let phases = PyDict::new(py);
+    for (name, seconds) in report.phases.named() {
+        phases.set_item(name, seconds)?;
+    }
+    all.set_item("phases_s", phases)?;
+    all.set_item("residual", report.residual())?;
+    if let Some(grains) = &report.grains {
+        all.set_item("grains", self::grains(py, grains)?)?;
+    }
+    if let Some(fluid) = &report.fluid {
+        all.set_item("fluid", self::fluid(py, fluid)?)?;
+    }
+    let defects = [
+        ("momentum_exchange_defect", report.momentum_exchange_defect),
+        ("energy_exchange_defect", report.energy_exchange_defect),
+        ("solid_volume_defect", report.solid_volume_defect),
+    ];
+    for (name, defect) in defects {
+        if let Some(defect) = defect {
+            all.set_item(name, defect)?;
+        }
+    }
+    Ok(all)
+}
+
+fn grains<'py>(py: Python<'py>, report: &voidage_dem::StepReport) -> PyResult<Bound<'py, PyDict>> {
+    let grains = PyDict::new(py);
+    grains.set_item("contacts", report.contacts)?;
+    grains.set_item("substeps", report.substeps)?;
+    grains.set_item("sweeps", report.sweeps)?;
+    grains.set_item("residual", report.residual)?;
+    grains.set_item("converged", report.converged)?;
+    grains.set_item("max_penetration_over_radius", report.max_penetration_over_radius)?;
+    Ok(grains)
+}
+
+fn fluid<'py>(py: Python<'py>, report: &voidage_fluid::flow::Report) -> PyResult<Bound<'py, PyDict>> {
+    let fluid = PyDict::new(py);
+    fluid.set_item("flow_iterations", report.flow_iterations)?;
+    fluid.set_item("heat_iterations", report.heat_iterations)?;
+    fluid.set_item("residual", report.residual)?;
+    fluid.set_item("flow_s", report.flow_s)?;
+    fluid.set_item("heat_s", report.heat_s)?;
+    Ok(fluid)
+}

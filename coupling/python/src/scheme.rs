@@ -1,0 +1,197 @@
+//! Coupling schemes written in Python.
+
+use crate::arrays::Column;
+use crate::columns::{Columns, Group, Owner};
+use crate::errors::{Raised, exception};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError};
+use pyo3::prelude::*;
+use std::sync::{Mutex, TryLockError};
+use voidage_coupling::scheme::Scheme;
+use voidage_coupling::{Coupled, Error, Result, StepReport};
+
+/// A scheme that calls an object with a method `step(system, dt)`.
+pub struct PythonScheme {
+    object: Py<PyAny>,
+    raised: Raised,
+}
+
+impl PythonScheme {
+    /// The scheme of an object; what it raises is kept in `raised`.
+    pub fn new(object: &Bound<'_, PyAny>, raised: Raised) -> PyResult<Self> {
+        if !object.getattr("step").is_ok_and(|step| step.is_callable()) {
+            let name = object.get_type().name()?;
+            return Err(PyTypeError::new_err(format!(
+                "`scheme` is a {name}, it must be a name or an object with a method `step(system, dt)`"
+            )));
+        }
+        Ok(Self { object: object.clone().unbind(), raised })
+    }
+}
+
+impl Scheme<2> for PythonScheme {
+    fn step(&mut self, coupled: &mut Coupled<2>, dt: f64) -> Result<StepReport> {
+        Python::attach(|py| {
+            let steps = coupled.steps();
+            let system = Bound::new(py, System::default()).map_err(|raised| self.raised.keep(py, raised))?;
+            // Python may keep the system: it is lent what it works on, and gives it back.
+            system.get().lend(Held { coupled: std::mem::take(coupled), report: StepReport::default(), dt });
+            let outcome = self.object.bind(py).call_method1("step", (&system, dt));
+            let report = system.get().give_back(coupled);
+            outcome.map_err(|raised| self.raised.keep(py, raised))?;
+            match coupled.steps() - steps {
+                1 => Ok(report),
+                accepted => Err(Error::Run(format!(
+                    "the scheme accepted {accepted} solutions in a step\n  help: end `step` with one `system.accept()`"
+                ))),
+            }
+        })
+    }
+}
+
+/// What a scheme works on, during its step.
+pub struct Held {
+    /// The coupled system.
+    pub coupled: Coupled<2>,
+    report: StepReport,
+    dt: f64,
+}
+
+/// Grains and fluid as a scheme sees them, during one call of its `step`: the phases of a step, and the columns that
+/// they read and write.
+#[pyclass(frozen, module = "voidage")]
+#[derive(Default)]
+pub struct System(Mutex<Option<Held>>);
+
+/// Positions, velocities, contacts and all else that makes the grains what they are at one moment.
+#[pyclass(frozen, module = "voidage")]
+pub struct GrainState(voidage_dem::State<2>);
+
+impl System {
+    fn lend(&self, held: Held) {
+        *self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(held);
+    }
+
+    fn give_back(&self, coupled: &mut Coupled<2>) -> StepReport {
+        let held = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+        held.map_or_else(StepReport::default, |held| {
+            *coupled = held.coupled;
+            held.report
+        })
+    }
+
+    /// Works on the system without the interpreter.
+    pub fn with<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Held) -> Result<R> + Send,
+    ) -> PyResult<R> {
+        py.detach(|| {
+            // Waiting could be for ever: the solver that a phase calls may be in Python and ask for the same system.
+            let mut held = match self.0.try_lock() {
+                Ok(held) => held,
+                Err(TryLockError::Poisoned(held)) => held.into_inner(),
+                Err(TryLockError::WouldBlock) => {
+                    return Err(PyRuntimeError::new_err("the system is in the middle of a phase"));
+                }
+            };
+            let held = held.as_mut().ok_or_else(|| {
+                PyRuntimeError::new_err("the system can be used inside `step` of the scheme only")
+            })?;
+            work(held).map_err(|error| exception(&error))
+        })
+    }
+}
+
+#[pymethods]
+impl System {
+    /// Cuts the grains by the mesh, and computes the nodal voidage.
+    fn cut_grains(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |held| held.coupled.cut_grains(&mut held.report))
+    }
+
+    /// Fills `load["drag"]` and `load["heat_coefficient"]` by the laws of the scene, and the voidage at the grains.
+    fn evaluate_closures(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |held| {
+            held.coupled.evaluate_closures(&mut held.report);
+            Ok(())
+        })
+    }
+
+    /// Solves the fluid from its last accepted state: fills `at_grains`, `grains["force"]` and `grains["heat"]`.
+    fn solve_fluid(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |held| held.coupled.solve_fluid(held.dt, &mut held.report))
+    }
+
+    /// Moves the grains by a step under `grains["force"]` and `grains["heat"]`, contacts included.
+    fn move_grains(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |held| {
+            held.coupled.move_grains(held.dt, &mut held.report);
+            Ok(())
+        })
+    }
+
+    /// Accepts the last solution of the fluid and moves the clock; the end of a step.
+    fn accept(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |held| {
+            held.coupled.accept(held.dt);
+            Ok(())
+        })
+    }
+
+    /// The grains as they are now, to come back to.
+    fn grain_state(&self, py: Python<'_>) -> PyResult<GrainState> {
+        self.with(py, |held| match &held.coupled.grains {
+            Some(grains) => Ok(GrainState(grains.state())),
+            None => Err(Error::Run("the scene has no grains".into())),
+        })
+    }
+
+    /// Puts the grains back to a state taken before.
+    fn restore_grains(&self, py: Python<'_>, state: &GrainState) -> PyResult<()> {
+        self.with(py, |held| match &mut held.coupled.grains {
+            Some(grains) => Ok(grains.restore(state.0.clone())?),
+            None => Err(Error::Run("the scene has no grains".into())),
+        })
+    }
+
+    /// Columns of the grains.
+    #[getter]
+    fn grains(this: Bound<'_, Self>) -> Columns {
+        Columns { owner: Owner::System(this.unbind()), group: Group::Grains }
+    }
+
+    /// Columns of the load: drag and the affine laws `v* = velocity + mobility (drag u - volume grad p)` and
+    /// `T* = temperature + heat_mobility heat_coefficient T`.
+    #[getter]
+    fn load(this: Bound<'_, Self>) -> Columns {
+        Columns { owner: Owner::System(this.unbind()), group: Group::Load }
+    }
+
+    /// The fluid at the grains by the last solution.
+    #[getter]
+    fn at_grains(this: Bound<'_, Self>) -> Columns {
+        Columns { owner: Owner::System(this.unbind()), group: Group::AtGrains }
+    }
+
+    /// Gravity, m/s2, (D).
+    #[getter]
+    fn gravity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let gravity = self.with(py, |held| {
+            let grains = held.coupled.grains.as_ref();
+            Ok(grains.map(|grains| Column::from(grains.settings().gravity.as_slice())))
+        })?;
+        gravity.ok_or_else(|| PyRuntimeError::new_err("the scene has no grains"))?.into_array(py)
+    }
+
+    /// Time at the start of the step, s.
+    #[getter]
+    fn time(&self, py: Python<'_>) -> PyResult<f64> {
+        self.with(py, |held| Ok(held.coupled.time()))
+    }
+
+    /// Steps done before this one.
+    #[getter]
+    fn steps(&self, py: Python<'_>) -> PyResult<u64> {
+        self.with(py, |held| Ok(held.coupled.steps()))
+    }
+}

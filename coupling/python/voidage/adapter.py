@@ -1,0 +1,415 @@
+"""The loop that the process of a fluid solver sits in, and the way from a run's data to a solver's.
+
+    python -m voidage.adapter MODULE[:CLASS] --connect ADDRESS [--option KEY=VALUE ..]
+
+makes a process for ``voidage run`` of a class with the methods of :class:`voidage.solver.Solver`.
+MODULE is the name of a module or the path of a file; CLASS may be left out where the module defines
+one solver. Options are arguments of the class. Under ``mpirun`` the first rank talks with the run,
+and the methods are called on every rank with the same data.
+"""
+
+import argparse
+import ast
+import importlib
+import importlib.util
+import json
+import os
+import sys
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import solver as data
+from ._voidage import Overlap, Peer
+from .solver import (
+    AtGrains,
+    Condition,
+    Fields,
+    Floats,
+    GrainHeat,
+    Grains,
+    Heat,
+    Pieces,
+    Problem,
+    Report,
+    Solver,
+    Step,
+)
+
+LAST_FRAMES = 3
+"""Frames of a traceback that the user of the run sees; all of them are in the log."""
+
+Arrays = tuple[Floats, data.Integers, Mapping[str, data.Integers]]
+"""Points, cells and boundaries of a mesh."""
+
+
+# ---- from a run to a solver
+
+
+def conditions(described: Sequence[Mapping[str, Any]]) -> tuple[Condition, ...]:
+    """Conditions as a run describes them.
+
+    Each is ``{"boundary": .., "flow": "slip" | {"open": {..}} | .., "heat": ..}``.
+    """
+    return tuple(
+        Condition(each["boundary"], _flow(each["flow"]), _heat(each["heat"])) for each in described
+    )
+
+
+def _variant(described: str | Mapping[str, Any]) -> tuple[str, Any]:
+    return (described, None) if isinstance(described, str) else next(iter(described.items()))
+
+
+def _flow(described: str | Mapping[str, Any]):
+    kind, value = _variant(described)
+    match kind:
+        case "velocity" | "superficial_velocity":
+            _, prescribed = _variant(value)
+            make = data.Velocity if kind == "velocity" else data.SuperficialVelocity
+            return make(np.array(prescribed, dtype=float))
+        case "open":
+            return data.Open(value["pressure"])
+        case "no_slip":
+            return data.NoSlip()
+        case "slip":
+            return data.Slip()
+    raise ValueError(f"the flow condition `{kind}` is unknown to this version of voidage")
+
+
+def _heat(described: str | Mapping[str, Any]):
+    kind, value = _variant(described)
+    match kind:
+        case "temperature":
+            return data.Temperature(value)
+        case "newton":
+            return data.Newton(value["coefficient"], value["temperature"])
+        case "adiabatic":
+            return data.Adiabatic()
+        case "open":
+            return data.OpenHeat(value["temperature"])
+    raise ValueError(f"the heat condition `{kind}` is unknown to this version of voidage")
+
+
+def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Fields) -> Problem:
+    """A problem from what a run tells once, its mesh and its accepted fields."""
+    properties, numerics, heat = setup["properties"], setup["numerics"], setup["heat"]
+    if heat is not None:
+        scalar = heat["scalar"]
+        wall = scalar["thin_cell"] or {"coefficient": 0.0, "temperature": 0.0}
+        heat = Heat(
+            capacity=scalar["capacity"],
+            conductivity=scalar["conductivity"],
+            expansion=heat["expansion"],
+            reference=heat["reference"],
+            wall_coefficient=wall["coefficient"],
+            wall_temperature=wall["temperature"],
+        )
+    points, cells, boundaries = mesh
+    return Problem(
+        points=points,
+        cells=cells,
+        boundaries=boundaries,
+        density=properties["density"],
+        viscosity=properties["viscosity"],
+        gravity=np.array(properties["gravity"], dtype=float),
+        fields=fields,
+        heat=heat,
+        thin_cell_drag=properties["thin_cell_drag"],
+        newton=numerics["newton"],
+        tolerance=numerics["flow"]["tolerance"],
+        drag_in_stabilisation=properties["drag_in_stabilisation"],
+    )
+
+
+def grains(columns: Mapping[str, Floats]) -> Grains:
+    """The grains of a step from its columns."""
+    heat = None
+    if "heat_coefficient" in columns:
+        heat = GrainHeat(
+            columns["heat_coefficient"], columns["heat_mobility"], columns["temperature"]
+        )
+    return Grains(
+        columns["volume"], columns["drag"], columns["mobility"], columns["velocity"], heat
+    )
+
+
+class Driver:
+    """Calls a solver with the data of a run."""
+
+    def __init__(self, solver: Solver, setup: str):
+        self.solver, self.setup = solver, json.loads(setup)
+        self.conditions = conditions(self.setup["conditions"])
+        self.mesh: Arrays | None = None
+
+    def start(self, mesh, fields: Mapping[str, Floats]) -> None:
+        """Takes a mesh (or a tuple of points, cells and boundaries) and the accepted fields."""
+        self.mesh = mesh if isinstance(mesh, tuple) else (mesh.points, mesh.cells, mesh.boundaries)
+        self.solver.set_mesh(problem(self.setup, self.mesh, Fields(**fields)))
+
+    def restart(self, fields: Mapping[str, Floats]) -> None:
+        """Takes other accepted fields on the mesh there is."""
+        self.start(self.mesh, fields)
+
+    def solve(
+        self,
+        dt: float,
+        described: str,
+        columns: Mapping[str, Floats] | None,
+        pieces: tuple | None,
+        voidage: Floats | None,
+    ) -> tuple[AtGrains, Report]:
+        """Solves a step; ``described`` are its conditions as JSON, empty if they are the old."""
+        if described:
+            self.conditions = conditions(json.loads(described))
+        step = Step(dt, self.conditions, np.ones(len(self.mesh[0])) if voidage is None else voidage)
+        if columns is not None:
+            step = Step(dt, self.conditions, voidage, grains(columns), Pieces(*pieces))
+        answer = self.solver.solve(step)
+        if not (isinstance(answer, tuple) and len(answer) == 2):
+            raise TypeError(
+                f"`solve` returned {type(answer).__name__}, it must return (AtGrains, Report)"
+            )
+        return answer
+
+    def accept(self) -> None:
+        """Accepts the last solution."""
+        self.solver.accept()
+
+    def fields(self) -> Fields:
+        """The accepted fields."""
+        return self.solver.fields()
+
+
+# ---- the loop of a process
+
+
+class Ranks:
+    """Calls a driver on every rank of an MPI communicator; without one, on this process."""
+
+    def __init__(self, driver: Driver, communicator):
+        self.driver, self.communicator = driver, communicator
+
+    def call(self, name: str, *arguments):
+        """Calls a method on every rank, from the first rank."""
+        if self.communicator is None:
+            return getattr(self.driver, name)(*arguments)
+        self.communicator.bcast((name, arguments))
+        return self._call(name, arguments)
+
+    def _call(self, name: str, arguments: tuple):
+        result, error = None, None
+        try:
+            result = getattr(self.driver, name)(*arguments)
+        except Exception as raised:  # every rank must hear of it, or the others wait for ever
+            error = raised
+        failed = [text for text in self.communicator.allgather(error and repr(error)) if text]
+        if error is not None:
+            raise error
+        if failed:
+            raise RuntimeError(f"on another rank: {failed[0]}")
+        return result
+
+    def follow(self) -> None:
+        """What the other ranks do: the calls of the first, until it says goodbye."""
+        while True:
+            name, arguments = self.communicator.bcast(None)
+            if name == "bye":
+                return
+            try:
+                self._call(name, arguments)
+            except Exception:  # the first rank reports it
+                traceback.print_exc()
+
+    def dismiss(self) -> None:
+        """Lets the other ranks go."""
+        if self.communicator is not None:
+            self.communicator.bcast(("bye", ()))
+
+
+class Server:
+    """Answers the requests of a run."""
+
+    def __init__(self, peer: Peer, ranks: Ranks):
+        self.peer, self.ranks = peer, ranks
+        self.mesh: Arrays | None = None
+        self.overlap: Overlap | None = None
+        self.heat = json.loads(peer.setup)["heat"] is not None
+
+    def run(self) -> None:
+        """Answers until the run says goodbye. What the solver raises is told to the run."""
+        while True:
+            frame = self.peer.receive(1.0)
+            if frame is None:
+                continue
+            if frame.kind == "bye":
+                return
+            try:
+                if frame.accepts:
+                    self.ranks.call("accept")
+                answer = getattr(self, "_" + frame.kind)(frame)
+            except Exception as error:
+                traceback.print_exc()
+                self.peer.fail(_last_words(error))
+                continue
+            if answer is None:
+                self.peer.done()
+            else:
+                self.peer.send(answer)
+
+    def _mesh(self, frame) -> None:
+        mesh = frame.mesh()
+        self.mesh, self.overlap = (mesh.points, mesh.cells, mesh.boundaries), None
+        self.ranks.call("start", self.mesh, frame.fields())
+
+    def _state(self, frame) -> None:
+        self.ranks.call("restart", frame.fields())
+
+    def _step(self, frame):
+        columns, pieces, voidage, count = None, None, None, 0
+        if "position" in frame:
+            columns = {name: frame[name] for name in frame.keys()}
+            if self.overlap is None:
+                self.overlap = Overlap(*self.mesh[:2])
+            pieces = self.overlap.cut(frame["position"], frame["radius"])
+            voidage, count = self.overlap.voidage(frame["volume"]), len(frame["radius"])
+        at, report = self.ranks.call("solve", frame.dt, frame.text, columns, pieces, voidage)
+        heated = columns is not None and "heat_coefficient" in columns
+        answer = self.peer.solution(count, heated)
+        if count:
+            answer["velocity"], answer["pressure_gradient"] = at.velocity, at.pressure_gradient
+            if heated:
+                answer["temperature"] = at.temperature
+        answer.report(report)
+        return answer
+
+    def _fields(self, frame):
+        fields = self.ranks.call("fields")
+        answer = self.peer.fields(self.heat)
+        answer["velocity"], answer["pressure"] = fields.velocity, fields.pressure
+        if self.heat:
+            answer["temperature"] = fields.temperature
+        return answer
+
+
+def _last_words(error: Exception) -> str:
+    return "".join(traceback.format_exception(error, limit=-LAST_FRAMES)).strip()
+
+
+def _communicator():
+    """That of mpirun, if there is more than one rank."""
+    ranks = [os.environ.get(name) for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")]
+    if all(count in (None, "1") for count in ranks):
+        return None
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def serve(make: Callable[[], Solver], address: str, wait: float = 60.0) -> None:
+    """Serves the run at an address with a solver, until the run says goodbye.
+
+    ``make`` makes the solver; ``wait`` is how long the run may take to be there, s. Raises
+    RuntimeError if the run is gone.
+    """
+    solver, communicator = make(), _communicator()
+    first = communicator is None or communicator.rank == 0
+    peer = Peer(address, type(solver).__name__, wait=wait) if first else None
+    setup = peer.setup if first else None
+    if communicator is not None:
+        setup = communicator.bcast(setup)
+    ranks = Ranks(Driver(solver, setup), communicator)
+    if not first:
+        ranks.follow()
+        return
+    try:
+        Server(peer, ranks).run()
+    finally:
+        ranks.dismiss()
+
+
+# ---- the command line
+
+
+def find(name: str) -> type:
+    """The class ``MODULE[:CLASS]`` or ``FILE.py[:CLASS]``; without CLASS the only one there."""
+    place, _, wanted = name.partition(":")
+    if place.endswith(".py"):
+        spec = importlib.util.spec_from_file_location(Path(place).stem, place)
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[module.__name__] = module
+        spec.loader.exec_module(module)
+    else:
+        module = importlib.import_module(place)
+    if wanted:
+        return getattr(module, wanted)
+    found = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type)
+        and value.__module__ == module.__name__
+        and callable(getattr(value, "solve", None))
+    ]
+    if len(found) != 1:
+        names = ", ".join(each.__name__ for each in found) or "none"
+        raise ValueError(
+            f"{place} must define one class with a method `solve`; there are {names}\n"
+            f"  help: give {place}:CLASS"
+        )
+    return found[0]
+
+
+def _option(text: str) -> tuple[str, Any]:
+    key, sign, value = text.partition("=")
+    if not (sign and key.isidentifier()):
+        raise argparse.ArgumentTypeError(f"`{text}` is no KEY=VALUE")
+    try:
+        return key, ast.literal_eval(value)
+    except (ValueError, SyntaxError):
+        return key, value
+
+
+def main(solver: type | None = None, arguments: Sequence[str] | None = None) -> int:
+    """The command line of a solver process: of the given class, or of one that it names."""
+    parser = argparse.ArgumentParser(
+        description="Serve a run of voidage with a fluid solver in Python."
+    )
+    if solver is None:
+        parser.add_argument(
+            "solver", metavar="MODULE[:CLASS]", help="a module, or the path of a Python file"
+        )
+    parser.add_argument(
+        "--connect", required=True, metavar="ADDRESS", help="shm:NAME or tcp:HOST:PORT"
+    )
+    parser.add_argument(
+        "--wait",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="how long the run may take to be there",
+    )
+    parser.add_argument(
+        "--option",
+        type=_option,
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="an argument of the class",
+    )
+    given = parser.parse_args(arguments)
+    try:
+        serve(
+            lambda: (solver or find(given.solver))(**dict(given.option)), given.connect, given.wait
+        )
+    except RuntimeError as error:
+        print(f"voidage.adapter: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

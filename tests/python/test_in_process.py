@@ -1,0 +1,139 @@
+"""Fluid solvers in Python, in the process of the grains."""
+
+import gc
+
+import numpy as np
+import pytest
+import voidage
+from test_simulation import BED, assert_same
+from voidage.dummy import STREAM, Dummy
+
+
+def test_the_dummy_blows_its_stream():
+    simulation = voidage.Simulation(BED, fluid=Dummy())
+    report = simulation.run(until=0.005)
+    assert report["momentum_exchange_defect"] < 1e-12
+    np.testing.assert_allclose(simulation.fluid["velocity"], [[0, STREAM]] * 111, atol=1e-15)
+    heavy = -9.81 * 1.204 * simulation.mesh.points[:, 1]
+    np.testing.assert_allclose(simulation.fluid["pressure"], heavy, atol=1e-12)
+
+
+def test_scikit_fem_agrees_with_rust():
+    pytest.importorskip("skfem")
+    from voidage.scikit_fem import ScikitFem
+
+    tight = ["fluid.solver.tolerance=1e-13"]
+    rust = voidage.Simulation(BED, tight)
+    python = voidage.Simulation(BED, tight, fluid=ScikitFem())
+    for simulation in (rust, python):
+        simulation.step()
+    for columns, others in [(rust.fluid, python.fluid), (rust.grains, python.grains)]:
+        for name in columns:
+            scale = abs(columns[name]).max()
+            np.testing.assert_allclose(others[name], columns[name], rtol=0, atol=1e-7 * scale)
+
+
+class Watched(Dummy):
+    """Keeps what it was given."""
+
+    def set_mesh(self, problem):
+        super().set_mesh(problem)
+        self.given = [problem]
+
+    def solve(self, step):
+        self.given.append(step)
+        return super().solve(step)
+
+
+def test_a_solver_gets_all_of_the_scene_and_may_keep_it():
+    solver = Watched()
+    simulation = voidage.Simulation(BED, fluid=solver)
+    simulation.run(until=0.003)
+    del simulation
+    gc.collect()
+    problem, *steps = solver.given
+    assert problem.points.shape == (111, 2) and problem.cells.shape == (180, 3)
+    assert problem.density == 1.204 and problem.gravity.tolist() == [0.0, -9.81]
+    assert problem.heat.capacity == 1.204 * 1010 and problem.heat.reference == 290.0
+    assert problem.fields.temperature.tolist() == [290.0] * 111
+    kinds = {
+        c.boundary: (type(c.flow).__name__, type(c.heat).__name__) for c in steps[0].conditions
+    }
+    assert kinds == {
+        "outflow": ("Open", "OpenHeat"),
+        "inflow": ("SuperficialVelocity", "Temperature"),
+        "nozzle": ("NoSlip", "Adiabatic"),
+        "walls": ("Slip", "Newton"),
+    }
+    for step in steps:
+        assert step.dt == 1e-3 and step.grains.heat.coefficient.shape == (40,)
+        total = np.bincount(np.repeat(np.arange(40), np.diff(step.pieces.first)), step.pieces.share)
+        np.testing.assert_allclose(total, 1.0, rtol=1e-12)
+        np.testing.assert_allclose(step.pieces.shape.sum(axis=1), 1.0, rtol=1e-12)
+        with pytest.raises(ValueError, match="read-only"):
+            step.grains.drag[0] = 0.0
+
+
+def test_conditions_follow_the_ramp():
+    solver = Watched()
+    simulation = voidage.Simulation(BED, ["fluid.ramp=0.004"], fluid=solver)
+    simulation.run(until=0.005)
+    inflow = [step.conditions[1].flow.value[1] for step in solver.given[1:]]
+    np.testing.assert_allclose(inflow, [0.2, 0.4, 0.6, 0.8, 0.8])
+
+
+def test_a_restart_goes_on_bit_for_bit(tmp_path):
+    first = voidage.Simulation(BED, fluid=Dummy())
+    first.run(until=0.003)
+    first.checkpoint(tmp_path / "three.voidage")
+    second = voidage.Simulation(BED, fluid=Dummy(), restart=tmp_path / "three.voidage")
+    for simulation in (first, second):
+        simulation.run(until=0.006)
+    assert_same(first, second)
+
+
+def change(**methods):
+    """A dummy with other methods."""
+    return type("Changed", (Dummy,), methods)()
+
+
+def diverged(self, step):
+    at, report = Dummy.solve(self, step)
+    at.velocity[7] = np.inf
+    return at, report
+
+
+def fail(self, *_):
+    raise ArithmeticError("the matrix is singular")
+
+
+@pytest.mark.parametrize(
+    ("methods", "text"),
+    [
+        ({"solve": fail}, "step 1, .*the matrix is singular"),
+        ({"solve": diverged}, "`velocity` is inf in row 7"),
+        ({"solve": lambda self, step: None}, "returned NoneType"),
+        ({"accept": fail}, "the matrix is singular"),
+    ],
+)
+def test_what_a_solver_does_wrong_ends_the_step(methods, text):
+    simulation = voidage.Simulation(BED, fluid=change(**methods))
+    with pytest.raises(RuntimeError, match=text) as raised:
+        simulation.step()
+    assert raised.value.__cause__ is not None
+
+
+def test_a_solver_that_does_not_take_the_mesh():
+    with pytest.raises(RuntimeError, match="singular"):
+        voidage.Simulation(BED, fluid=change(set_mesh=fail))
+
+
+def test_a_solver_has_four_methods():
+    with pytest.raises(TypeError, match="without a method `set_mesh`"):
+        voidage.Simulation(BED, fluid=object())
+
+
+def test_a_scene_without_fluid_takes_no_solver():
+    hopper = BED.parents[2] / "cases" / "hopper" / "scene.toml"
+    with pytest.raises(ValueError, match="no fluid"):
+        voidage.Simulation(hopper, fluid=Dummy())

@@ -1,0 +1,131 @@
+"""Coupling schemes written in Python."""
+
+import numpy as np
+import pytest
+import voidage
+from test_simulation import BED, assert_same
+
+
+class Henry:
+    """The predicted velocity with the contact force of the last step, as the built-in `henry`."""
+
+    def predict(self, system, dt):
+        grains, load = system.grains, system.load
+        mass, inertia = grains["mass"], grains["mass"] / dt
+        mobility = 1 / (inertia + load["drag"])
+        push = grains["velocity"] * inertia[:, None] + system.gravity * mass[:, None]
+        load["mobility"] = mobility
+        load["velocity"] = (push + grains["contact_force"]) * mobility[:, None]
+        inertia = grains["heat_capacity"] / dt
+        mobility = 1 / (inertia + load["heat_coefficient"])
+        load["heat_mobility"] = mobility
+        load["temperature"] = mobility * (inertia * grains["temperature"] + grains["contact_heat"])
+
+    def step(self, system, dt):
+        system.cut_grains()
+        system.evaluate_closures()
+        self.predict(system, dt)
+        system.solve_fluid()
+        system.move_grains()
+        system.accept()
+
+
+class Iterated(Henry):
+    """Moves the grains, looks where they went, and solves again from the same state."""
+
+    def step(self, system, dt):
+        system.cut_grains()
+        system.evaluate_closures()
+        start = system.grain_state()
+        self.predict(system, dt)
+        for _ in range(3):
+            system.solve_fluid()
+            system.restore_grains(start)
+            system.move_grains()
+            law = system.load["mobility"][:, None] * (
+                system.load["drag"][:, None] * system.at_grains["velocity"]
+                - system.load["volume"][:, None] * system.at_grains["pressure_gradient"]
+            )
+            self.disagreement = abs(system.grains["velocity"] - system.load["velocity"] - law).max()
+            system.load["velocity"] = system.grains["velocity"] - law
+        system.accept()
+
+
+def test_henry_in_python_is_henry():
+    mine = voidage.Simulation(BED, scheme=Henry())
+    built_in = voidage.Simulation(BED, scheme="henry")
+    for simulation in (mine, built_in):
+        simulation.run(until=0.02)
+    assert_same(mine, built_in)
+
+
+def test_an_iterated_scheme_conserves_momentum():
+    scheme = Iterated()
+    simulation = voidage.Simulation(BED, scheme=scheme)
+    for _ in range(5):
+        assert simulation.step()["momentum_exchange_defect"] < 1e-12
+    assert simulation.steps == 5 and np.isfinite(scheme.disagreement)
+
+
+def test_what_a_scheme_raises_is_the_cause():
+    class Broken(Henry):
+        def predict(self, system, dt):
+            raise LookupError("no prediction today")
+
+    simulation = voidage.Simulation(BED, scheme=Broken())
+    with pytest.raises(RuntimeError, match="step 1, .*no prediction today") as raised:
+        simulation.step()
+    assert isinstance(raised.value.__cause__, LookupError)
+    assert simulation.steps == 0 and simulation.grains["position"].shape == (40, 2)
+
+
+def test_an_interrupt_is_raised_as_it_is():
+    class Interrupted:
+        def step(self, system, dt):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        voidage.Simulation(BED, scheme=Interrupted()).step()
+
+
+def test_a_scheme_must_accept_once():
+    class Forgetful(Henry):
+        def step(self, system, dt):
+            self.system = system
+
+    scheme = Forgetful()
+    simulation = voidage.Simulation(BED, scheme=scheme)
+    with pytest.raises(RuntimeError, match="accepted 0 solutions"):
+        simulation.step()
+    with pytest.raises(RuntimeError, match="inside `step` of the scheme only"):
+        scheme.system.cut_grains()
+
+
+def test_a_scheme_works_on_its_system_and_not_on_the_simulation():
+    class Greedy(Henry):
+        def step(self, system, dt):
+            self.simulation.grains["velocity"]
+
+    scheme = Greedy()
+    scheme.simulation = voidage.Simulation(BED, scheme=scheme)
+    with pytest.raises(RuntimeError, match="in the middle of a step"):
+        scheme.simulation.step()
+
+
+def test_a_scheme_writes_the_load_and_reads_the_fluid():
+    class Curious(Henry):
+        def predict(self, system, dt):
+            super().predict(system, dt)
+            for name, value in [("volume", np.ones(40)), ("mobility", np.ones(3))]:
+                with pytest.raises(ValueError, match=f"`{name}`"):
+                    system.load[name] = value
+            with pytest.raises(ValueError, match="read but not written"):
+                system.at_grains["velocity"] = np.zeros((40, 2))
+            assert system.steps == 0 and system.time == 0.0
+
+    voidage.Simulation(BED, scheme=Curious()).step()
+
+
+def test_a_scheme_is_a_name_or_has_a_step():
+    with pytest.raises(TypeError, match="method `step"):
+        voidage.Simulation(BED, scheme=3)

@@ -1,0 +1,155 @@
+"""Simulations driven from Python: the same as the program, state that can be read and written."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import voidage
+
+ROOT = Path(__file__).parents[2]
+BED = ROOT / "tests" / "cases" / "bed.toml"
+
+
+@pytest.fixture
+def bed():
+    return voidage.Simulation(BED)
+
+
+@pytest.fixture(scope="session")
+def program():
+    """The program voidage: that of VOIDAGE_PROGRAM, or built here."""
+    if "VOIDAGE_PROGRAM" in os.environ:
+        return os.environ["VOIDAGE_PROGRAM"]
+    command = ["cargo", "build", "-q", "--release", "--locked", "-p", "voidage"]
+    subprocess.run(command, cwd=ROOT, check=True)
+    return ROOT / "target" / "release" / "voidage"
+
+
+def assert_same(one, other):
+    """Two simulations have the same columns, bit for bit."""
+    for columns, others in [(one.grains, other.grains), (one.fluid, other.fluid)]:
+        assert columns.keys() == others.keys()
+        for name in columns:
+            assert columns[name].tobytes() == others[name].tobytes(), name
+
+
+def test_a_simulation_equals_the_program(program, tmp_path):
+    out = tmp_path / "out"
+    subprocess.run([program, "run", BED, "--quiet", "--out", out], check=True)
+    restarted = voidage.Simulation(BED, restart=out / "checkpoint.voidage")
+    simulation = voidage.Simulation(BED)
+    for step in range(1, restarted.steps + 1):
+        simulation.step()
+        if step % 10 == 0:  # the program writes a checkpoint here, and drops the kept factors
+            simulation.checkpoint(tmp_path / "own.voidage")
+    assert simulation.steps == restarted.steps == 40
+    assert simulation.time == restarted.time == simulation.end == 0.04
+    assert_same(simulation, restarted)
+
+
+def test_a_restart_goes_on_bit_for_bit(bed, tmp_path):
+    bed.run(0.005)
+    bed.checkpoint(tmp_path / "five.voidage")
+    restarted = voidage.Simulation(BED, restart=tmp_path / "five.voidage")
+    assert restarted.steps == 5
+    for simulation in (bed, restarted):
+        simulation.run(until=0.01)
+    assert_same(bed, restarted)
+
+
+def test_the_report_says_how_a_step_went(bed):
+    report = bed.step()
+    assert report.keys() == bed.report.keys()
+    assert 0 <= report["momentum_exchange_defect"] < 1e-12
+    assert 0 <= report["solid_volume_defect"] < 1e-12
+    assert report["grains"]["converged"] and report["fluid"]["residual"] < 1e-6
+    assert set(report["phases_s"]) >= {"overlap", "closure", "flow", "contacts"}
+
+
+def test_columns_are_those_of_the_scene(bed):
+    assert bed.grains["position"].shape == (40, 2)
+    assert set(bed.grains) >= {"position", "velocity", "radius", "mass", "temperature", "voidage"}
+    assert set(bed.fluid) == {"velocity", "pressure", "temperature", "voidage"}
+    no_spin = voidage.Simulation(BED, ["contacts.rotation=false"])
+    assert "spin" in bed.grains and "spin" not in no_spin.grains
+    points, cells = bed.mesh.points, bed.mesh.cells
+    assert bed.fluid["velocity"].shape == points.shape and cells.shape[1] == 3
+    assert set(bed.mesh.boundaries) == {"inflow", "nozzle", "outflow", "walls"}
+    corners = points[bed.mesh.boundaries["outflow"]]
+    assert np.all(corners[:, :, 1] == points[:, 1].max())
+
+
+def test_what_is_written_is_what_the_next_step_starts_from(bed):
+    warm = np.linspace(280.0, 400.0, 40)
+    bed.grains["temperature"] = warm
+    bed.grains["velocity"] = np.zeros((40, 2))
+    np.testing.assert_array_equal(bed.grains["temperature"], warm)
+    bed.step()
+    changed = bed.grains["temperature"] - warm
+    assert 0 < abs(changed).max() < 1.0
+    still = voidage.Simulation(BED)
+    still.step()
+    assert abs(still.grains["temperature"] - warm).max() > 10
+
+
+def test_arrays_outlive_the_simulation_and_are_read_only(bed):
+    position = bed.grains["position"]
+    copy = position.copy()
+    bed.run(0.003)
+    del bed
+    np.testing.assert_array_equal(position, copy)
+    with pytest.raises(ValueError, match="read-only"):
+        position[0] = 0.0
+    with pytest.raises(ValueError):
+        position.flags.writeable = True
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error", "text"),
+    [
+        ("temperature", np.ones(39), ValueError, r"shape \[39\], it must have \(40,\)"),
+        ("velocity", np.ones(40), ValueError, r"must have \(40, 2\)"),
+        ("velocity", np.full((40, 2), np.nan), ValueError, "nan|NaN"),
+        ("velocity", "fast", ValueError, "no array of numbers"),
+        ("mass", np.ones(40), ValueError, "read but not written"),
+        ("colour", np.ones(40), KeyError, "no column `colour` here; there are position"),
+    ],
+)
+def test_writing_checks(bed, name, value, error, text):
+    with pytest.raises(error, match=text):
+        bed.grains[name] = value
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"scene": "none.toml"}, "none.toml: cannot read the scene.*\n.*help"),
+        ({"scene": BED, "set": ["fluid.densty=1"]}, "did you mean `density`"),
+        ({"scene": BED, "scheme": "implicit"}, "expected one of `explicit`"),
+        ({"scene": BED, "fluid": "openfoam"}, "no such fluid solver"),
+        ({"scene": BED, "restart": BED}, "no checkpoint of voidage"),
+        ({"scene": BED, "threads": 0}, "there must be a thread"),
+    ],
+)
+def test_wrong_input_is_a_value_error_with_the_text_of_the_program(arguments, text):
+    with pytest.raises(ValueError, match=text):
+        voidage.Simulation(**arguments)
+
+
+def test_a_run_that_fails_is_a_runtime_error(bed):
+    position = bed.grains["position"].copy()
+    position[3] = 1.0, 1.0
+    bed.grains["position"] = position
+    with pytest.raises(RuntimeError, match="step 1, .*grain 3 .*outside"):
+        bed.step()
+
+
+def test_grains_or_fluid_alone():
+    hopper = voidage.Simulation(ROOT / "cases" / "hopper" / "scene.toml")
+    assert hopper.mesh is None and len(hopper.fluid) == 0
+    hopper.step()
+    cavity = voidage.Simulation(ROOT / "cases" / "cavity" / "scene.toml")
+    cavity.step()
+    assert len(cavity.grains) == 0 and "voidage" not in cavity.fluid
