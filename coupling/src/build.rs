@@ -251,16 +251,6 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
     Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume })
 }
 
-<<<<<<< HEAD
-/// The fluid solver that a scene asks for; it waits for its mesh.
-///
-/// # Errors
-/// The scene has no fluid, the solver does not start.
-pub fn backend(scene: &Scene, host: &Host) -> Result<Box<dyn FluidBackend<2>>> {
-    let Some(described) = &scene.fluid else {
-        return Err(Error::Input("the scene has no fluid".into()));
-    };
-=======
 /// All that the fluid solver of a scene is told once; `None` without fluid.
 pub fn setup(scene: &Scene) -> Option<Setup<2>> {
     let fluid = scene.fluid.as_ref()?;
@@ -268,22 +258,22 @@ pub fn setup(scene: &Scene) -> Option<Setup<2>> {
     Some(Setup::new(properties(scene, fluid), heat(fluid), numerics(fluid), conditions))
 }
 
-fn backend(
-    scene: &Scene,
-    described: &scene::Fluid,
-    conditions: &[Condition<2>],
-    host: &Host,
-) -> Result<Box<dyn FluidBackend<2>>> {
->>>>>>> pyo3
-    let (properties, heat) = (properties(scene, described), heat(described));
-    let conditions: Vec<Condition<2>> = described.boundaries.iter().map(condition).collect();
-    let numerics = numerics(described);
-    match &described.backend {
+/// The fluid solver that a scene asks for; it waits for its mesh.
+///
+/// # Errors
+/// The scene has no fluid, the solver does not start.
+pub fn backend(scene: &Scene, host: &Host) -> Result<Box<dyn FluidBackend<2>>> {
+    let (Some(fluid), Some(setup)) = (&scene.fluid, setup(scene)) else {
+        return Err(Error::Input("the scene has no fluid".into()));
+    };
+    match &fluid.backend {
         Some(backend) if backend.solver != scene::Solver::Rust => {
-            let setup = Setup::new(properties, heat, numerics, conditions);
             Ok(Box::new(launch::remote(backend, host, &setup)?))
         }
-        _ => Ok(Box::new(RustFluid::<2, 3>::new(properties, heat, numerics, conditions))),
+        _ => {
+            let Setup { properties, heat, numerics, conditions, .. } = setup;
+            Ok(Box::new(RustFluid::<2, 3>::new(properties, heat, numerics, conditions)))
+        }
     }
 }
 

@@ -361,6 +361,10 @@ impl<const D: usize> Interaction<D> {
                 .for_each(|(i, heat)| *heat = columns.heat(at, i));
             let total: f64 = self.heat.iter().sum();
             let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();
+            // Grains as warm as the fluid exchange the round-off of hA T.
+            let through: f64 =
+                columns.coefficient.iter().zip(&at.temperature).map(|(h, t)| (h * t).abs()).sum();
+            let scale = scale.max(1e-3 * through);
             report.energy_exchange_defect = Some(relative((total - solved.heat).abs(), scale));
         }
     }

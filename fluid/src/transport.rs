@@ -24,7 +24,8 @@ pub struct Scalar {
     pub conductivity: f64,
     /// Exchange with the front and rear walls of a thin cell.
     pub thin_cell: Option<ThinCellHeat>,
-    /// Whether storage and exchange are lumped: summed into the diagonal of the Galerkin equations. Where the exchange
+    /// Whether storage and exchange are lumped in the Galerkin equations: storage and thin cell by the vertex rule, the
+    /// bodies by the sums of the rows. Where the exchange
     /// over a cell outweighs its diffusion, the consistent terms couple neighbours with the wrong sign, and the
     /// temperature leaves the bounds that walls, grains and inflow set; the lumped ones cannot do that. Both give the
     /// grains the same heat, exchange it without loss, and are of order 2.
@@ -103,8 +104,11 @@ pub fn assemble<const D: usize, const B: usize>(
     let mass = weighted_mass(measure, &cell.voidage);
     let load = weighted_load(measure, &cell.voidage);
     let plain = weighted_mass(measure, &[1.0; B]);
-    let sum = |rows: [[f64; B]; B]| if scalar.lumped { lump(&rows) } else { rows };
-    let storage = sum(mass);
+    let on_diagonal = |entries: [f64; B], consistent: [[f64; B]; B]| match scalar.lumped {
+        true => std::array::from_fn(|a| std::array::from_fn(|b| if a == b { entries[a] } else { 0.0 })),
+        false => consistent,
+    };
+    let storage = on_diagonal(cell.voidage.map(|eps| measure / B as f64 * eps), mass);
     let diffusion = scalar.conductivity * load.iter().sum::<f64>();
     let voidage_slope = cell.element.gradient_of(&cell.voidage);
     let along = upwind(cell, scalar, dt);
@@ -142,10 +146,12 @@ pub fn assemble<const D: usize, const B: usize>(
     };
     if let Some(wall) = scalar.thin_cell {
         let rows = plain.map(|row| row.map(|entry| wall.coefficient * entry));
-        add(&sum(rows), &[wall.coefficient * wall.temperature * measure / B as f64; B]);
+        let share = wall.coefficient * measure / B as f64;
+        add(&on_diagonal([share; B], rows), &[share * wall.temperature; B]);
     }
     if let Some(bodies) = &cell.exchange {
-        add(&sum(bodies.exchange), &bodies.given);
+        let rows = bodies.exchange.map(|row| row.iter().sum());
+        add(&on_diagonal(rows, bodies.exchange), &bodies.given);
     }
     if let Some(source) = &cell.source {
         let rhs = std::array::from_fn(|a| (0..B).map(|b| plain[a][b] * source[b]).sum());
@@ -157,12 +163,6 @@ pub fn assemble<const D: usize, const B: usize>(
             out.matrix[a][b][0][0] += along[a] * residual[b];
         }
     }
-}
-
-/// The sums of the rows on the diagonal. They are the sums of the columns too, since the rows come from symmetric forms,
-/// so the integral of the strong residual stays as it is.
-fn lump<const B: usize>(rows: &[[f64; B]; B]) -> [[f64; B]; B] {
-    std::array::from_fn(|a| std::array::from_fn(|b| if a == b { rows[a].iter().sum() } else { 0.0 }))
 }
 
 /// xi_T U . grad phi_a with U the velocity at the centroid (A.9, A.12).

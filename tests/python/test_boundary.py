@@ -2,18 +2,11 @@
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
 from voidage.boundary import Holds, area_vectors, check_balance, hold_heat
 from voidage.solver import Condition, NoSlip, Open, Slip, SuperficialVelocity, Temperature, Velocity
 
 from conftest import problem
 
-=======
-from conftest import problem
-from voidage.boundary import Holds, area_vectors, check_balance, hold_heat
-from voidage.solver import Condition, NoSlip, Open, Slip, SuperficialVelocity, Temperature, Velocity
-
->>>>>>> pyo3
 
 def node(box, *x):
     return int(np.argmin(np.linalg.norm(box.points - x, axis=1)))

@@ -2,19 +2,12 @@
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
-=======
-from conftest import problem, scatter
->>>>>>> pyo3
 from voidage.cells import Cells, Stabilisation
 from voidage.pieces import PieceSums
 from voidage.solver import Fields
 
-<<<<<<< HEAD
 from conftest import problem, scatter
 
-=======
->>>>>>> pyo3
 
 @pytest.fixture(params=[2, 3])
 def case(request, rng):

@@ -106,6 +106,7 @@ def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Fields) -> Problem:
             reference=heat["reference"],
             wall_coefficient=wall["coefficient"],
             wall_temperature=wall["temperature"],
+            lumped=scalar["lumped"],
         )
     points, cells, boundaries = mesh
     return Problem(

@@ -29,6 +29,8 @@ from .solver import Condition, Floats, Newton, Open, OpenHeat, Problem, Report, 
 
 QUADRATURE = {"quadrature_degree": 4}
 """For cells and for facets, where it matters: the upwind terms are no polynomials."""
+VERTICES = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+"""The rule that lumps storage and exchange of heat."""
 
 
 class FEniCSx(FiniteElements):
@@ -51,14 +53,8 @@ class FEniCSx(FiniteElements):
         self.dx = ufl.dx(domain=domain, metadata=QUADRATURE)
         self.normal = ufl.FacetNormal(domain)
         self.part = {name: k for k, name in enumerate(problem.boundaries)}
-<<<<<<< HEAD
         tags = layout.facet_tags(problem)
         self.ds = ufl.ds(domain=domain, subdomain_data=tags, metadata=QUADRATURE)
-=======
-        self.ds = ufl.ds(
-            domain=domain, subdomain_data=layout.facet_tags(problem), metadata=QUADRATURE
-        )
->>>>>>> pyo3
         self.time_step = fem.Constant(domain, 1.0)
         self.eps, self.old = layout.nodal(), layout.nodal(problem.dimension)
         self.systems: dict[tuple, FlowSystem | HeatSystem] = {}
@@ -70,7 +66,7 @@ class FEniCSx(FiniteElements):
         system.fill(step, self.state.temperature, xi[:, None] * U)
         blocks = None
         if sums is not None and sums.heated:
-            blocks = Blocks(sums.cells, *sums.energy(U, xi))
+            blocks = Blocks(sums.cells, *sums.energy(U, xi, self.problem.heat.lumped))
         T, _ = system.linear.solve(blocks, *hold_heat(self.problem, step.conditions), report)
         return T[:, 0]
 
@@ -209,11 +205,15 @@ class HeatSystem:
         }
 
         along = dot(self.xi_U, grad(S))
-        rate = eps * C * (T / dt + dot(u, grad(T))) + wall * T
-        residual = rate - k * dot(grad(eps), grad(T))
-        matrix = (rate * S + eps * k * dot(grad(T), grad(S)) + residual * along) * dx
+        stored, carried = (eps * C / dt + wall) * T, eps * C * dot(u, grad(T))
+        residual = stored + carried - k * dot(grad(eps), grad(T))
+        points = dx(metadata=VERTICES) if heat.lumped else dx
+        matrix = stored * S * points + residual * along * dx
+        matrix += (carried * S + eps * k * dot(grad(T), grad(S))) * dx
         known = eps * C * self.old / dt + wall * wall_T
-        rhs = (known + self.source if sources else known) * (S + along) * dx
+        rhs = known * S * points + known * along * dx
+        if sources:
+            rhs += self.source * (S + along) * dx
         for name, kind in kinds:
             if kind is not None:
                 coefficient, outside = self.wall[name]

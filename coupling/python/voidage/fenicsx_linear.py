@@ -94,11 +94,7 @@ class Linear:
         self.layout, self.iterative = layout, iterative
         self.matrix_form, self.rhs_form = fem.form(matrix), fem.form(rhs)
         self.matrix = petsc.create_matrix(self.matrix_form)
-<<<<<<< HEAD
         self.rhs = petsc.assemble_vector(self.rhs_form)  # the vector; its values come later
-=======
-        self.rhs = petsc.create_vector(self.rhs_form)
->>>>>>> pyo3
         self.components = self.rhs.block_size
 
     def solve(

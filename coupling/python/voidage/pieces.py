@@ -21,18 +21,9 @@ class PieceSums:
         self.mesh, self.pieces, self.grain = mesh, pieces, grain
         self.share, self.shape = pieces.share, pieces.shape
         self.nodes, self.gradient = mesh.nodes[pieces.cell], mesh.gradient[pieces.cell]
-<<<<<<< HEAD
         self.volume, self.drag = grains.volume[grain], grains.drag[grain]
         self.mobility, self.velocity = grains.mobility[grain], grains.velocity[grain]
         self.heated = grains.heat is not None
-=======
-        self.volume, self.drag, self.mobility = (
-            grains.volume[grain],
-            grains.drag[grain],
-            grains.mobility[grain],
-        )
-        self.velocity, self.heated = grains.velocity[grain], grains.heat is not None
->>>>>>> pyo3
         if self.heated:
             self.coefficient = grains.heat.coefficient[grain]
             self.heat_mobility = grains.heat.mobility[grain]
@@ -66,19 +57,8 @@ class PieceSums:
 
         Returns matrices (c, B, D + 1, B, D + 1) and right-hand sides (c, B, D + 1).
         """
-<<<<<<< HEAD
         phi, s, V, gamma = self.shape, self.share, self.volume, self.drag
         a, b = self.mobility, self.velocity
-=======
-        phi, s, V, gamma, a, b = (
-            self.shape,
-            self.share,
-            self.volume,
-            self.drag,
-            self.mobility,
-            self.velocity,
-        )
->>>>>>> pyo3
         pairs = phi[:, :, None] * phi[:, None, :]
         drag = self._by_cell((s * gamma * (1 - a * gamma))[:, None, None] * pairs)
         pressure = self._by_cell((s * V * (a * gamma - 1))[:, None] * phi)
@@ -94,15 +74,7 @@ class PieceSums:
         along = time * np.einsum("ci,cai->ca", stabilisation.direction[self.cells], gradient)
         across = time[..., None] / density * gradient
         # Residual of the grains in a cell: drag u + pressure grad p - force.
-<<<<<<< HEAD
         drag_sum, pressure_sum, force_sum = (sums.sum(axis=1) for sums in (drag, pressure, force))
-=======
-        drag_sum, pressure_sum, force_sum = (
-            drag.sum(axis=1),
-            pressure.sum(axis=1),
-            force.sum(axis=1),
-        )
->>>>>>> pyo3
         drag = drag + along[:, :, None] * drag_sum[:, None, :]
         pressure = pressure + along * pressure_sum[:, None]
         force = force + along[:, :, None] * force_sum[:, None, :]
@@ -114,25 +86,18 @@ class PieceSums:
         matrix[:, :, :D, :, D] = np.einsum("ca,cbi->caib", pressure, gradient)
         matrix[:, :, D, :, :D] = np.einsum("cai,cb->cabi", across, drag_sum)
         matrix[:, :, D, :, :D] -= np.einsum("cai,cb->cabi", gradient, carried)
-<<<<<<< HEAD
         laplace = diffusion + time[:, 0] / density * pressure_sum
         matrix[:, :, D, :, D] = np.einsum("c,cai,cbi->cab", laplace, gradient, gradient)
-=======
-        matrix[:, :, D, :, D] = np.einsum(
-            "cai,cbi->cab", across * pressure_sum[:, None, None], gradient
-        )
-        matrix[:, :, D, :, D] += diffusion[:, None, None] * np.einsum(
-            "cai,cbi->cab", gradient, gradient
-        )
->>>>>>> pyo3
         rhs = np.zeros((count, B, D + 1))
         rhs[:, :, :D] = force
         rhs[:, :, D] = np.einsum("cai,ci->ca", gradient, volume_flux)
         rhs[:, :, D] += np.einsum("cai,ci->ca", across, force_sum)
         return matrix, rhs
 
-    def energy(self, direction: Floats, time: Floats) -> tuple[Floats, Floats]:
+    def energy(self, direction: Floats, time: Floats, lumped: bool) -> tuple[Floats, Floats]:
         """-<q_p, S + xi_T U . grad S>, with U (m, D) and xi_T (m) as ``direction`` and ``time``.
+
+        If ``lumped``, the rows of -<q_p, S> are summed on the diagonal.
 
         Returns matrices (c, B, B) and right-hand sides (c, B).
         """
@@ -142,7 +107,9 @@ class PieceSums:
         given = self._by_cell((hA * self.temperature)[:, None] * phi)
         gradient = self.mesh.gradient[self.cells]
         along = time[self.cells, None] * np.einsum("ci,cai->ca", direction[self.cells], gradient)
-        matrix = exchange + along[:, :, None] * exchange.sum(axis=1)[:, None, :]
+        total = exchange.sum(axis=1)  # of rows as of columns
+        matrix = total[:, :, None] * np.eye(total.shape[1]) if lumped else exchange
+        matrix = matrix + along[:, :, None] * total[:, None, :]
         return matrix, given + along * given.sum(axis=1)[:, None]
 
     def _at(self, fields: Fields) -> tuple[Floats, Floats]:

@@ -12,6 +12,7 @@ often; U is u_n at the centroid. The energy is solved first, with u_n. The terms
 from :mod:`voidage.pieces`.
 """
 
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +64,9 @@ class ScikitFem(FiniteElements):
         mesh = make(problem.points.T.copy(), problem.cells.T.copy())
         vector, mixed = ElementVector(scalar), ElementVector(scalar) * scalar
         self.scalar = Basis(mesh, scalar, intorder=QUADRATURE)
+        corners = np.eye(problem.dimension, problem.dimension + 1, 1)
+        weights = np.full(corners.shape[1], 1 / factorial(corners.shape[1]))
+        self.vertices = Basis(mesh, scalar, quadrature=(corners, weights))
         self.vector, self.mixed = map(self.scalar.with_element, (vector, mixed))
         self.facets = {}
         for name, nodes in problem.boundaries.items():
@@ -82,16 +86,31 @@ class ScikitFem(FiniteElements):
         xi_U = (xi[:, None] * U).T[:, :, None]
 
         @BilinearForm
+        def storage(T, S, w):
+            return (w.eps * C / dt + wall) * T * S
+
+        @LinearForm
+        def stored(S, w):
+            return (w.eps * C * w.old / dt + wall * wall_T) * S
+
+        @BilinearForm
         def matrix(T, S, _):
-            rate = eps * C * (T / dt + dot(u, grad(T))) + wall * T
-            residual = rate - k * dot(grad(eps), grad(T))
-            return rate * S + eps * k * dot(grad(T), grad(S)) + residual * dot(xi_U, grad(S))
+            carried = eps * C * dot(u, grad(T))
+            residual = (eps * C / dt + wall) * T + carried - k * dot(grad(eps), grad(T))
+            return carried * S + eps * k * dot(grad(T), grad(S)) + residual * dot(xi_U, grad(S))
 
         @LinearForm
         def rhs(S, _):
-            return (eps * C * old / dt + wall * wall_T + source) * (S + dot(xi_U, grad(S)))
+            known = eps * C * old / dt + wall * wall_T
+            return known * dot(xi_U, grad(S)) + source * (S + dot(xi_U, grad(S)))
 
         A, b = matrix.assemble(self.scalar), rhs.assemble(self.scalar)
+        points = self.vertices if heat.lumped else self.scalar
+        at = {
+            "eps": points.interpolate(step.voidage),
+            "old": points.interpolate(self.state.temperature),
+        }
+        A, b = A + storage.assemble(points, **at), b + stored.assemble(points, **at)
         for condition in step.conditions:
             facets = self.facets[condition.boundary]
             match condition.heat:
@@ -105,7 +124,7 @@ class ScikitFem(FiniteElements):
             A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(facets.scalar)
             b = b + LinearForm(lambda S, _, h=transfer * outside: h * S).assemble(facets.scalar)
         if sums is not None and sums.heated:
-            blocks, loads = sums.energy(U, xi)
+            blocks, loads = sums.energy(U, xi, heat.lumped)
             A, b = _add_blocks(A, b, self.problem.cells[sums.cells], blocks, loads)
         T, _ = _solve(A, b, *hold_heat(problem, step.conditions), problem.tolerance)
         report.iterations += 1

@@ -8,11 +8,7 @@ units; ``D`` is 2 or 3, ``n`` counts nodes, ``m`` cells, ``g`` grains, ``q`` pie
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-<<<<<<< HEAD
 from dataclasses import dataclass
-=======
-from dataclasses import dataclass, field
->>>>>>> pyo3
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +105,10 @@ class Heat:
     W/m3/K."""
     wall_temperature: float = 0.0
     """T_w, K."""
+    lumped: bool = True
+    """Whether storage and exchange are lumped in the Galerkin equations: storage and thin cell by the
+    vertex rule, the grains by the sums of the rows. Temperatures then keep their bounds where the
+    exchange over a cell outweighs its diffusion."""
 
 
 @dataclass(frozen=True)
@@ -230,22 +230,14 @@ class AtGrains:
 class Report:
     """What a step cost, and what the fluid lost to the grains."""
 
-<<<<<<< HEAD
     force: Floats
     """Force on all grains, summed over the pieces by the fluid, N, (D); zero without grains."""
-=======
->>>>>>> pyo3
     iterations: int = 0
     """Linear iterations or refinements, summed over the systems of the step."""
     residual: float = 0.0
     """Relative residual of the last flow system."""
     flow_s: float = 0.0
     heat_s: float = 0.0
-<<<<<<< HEAD
-=======
-    force: Floats = field(default_factory=lambda: np.zeros(0))
-    """Force on all grains, summed over the pieces by the fluid, N."""
->>>>>>> pyo3
     heat: float = 0.0
     """Heat to all grains, summed over the pieces by the fluid, W."""
 
