@@ -80,7 +80,7 @@ def test_energy_matrices_are_the_exchange_tested(case, rng):
         rng.random(len(box.cells)),
         rng.standard_normal(len(box.points)),
     )
-    matrix, rhs = sums.energy(U, xi)
+    matrix, rhs = sums.energy(U, xi, lumped=False)
     nodes = box.cells[sums.cells]
     tested = np.einsum("ca,cab,cb->", S[nodes], matrix, fields.temperature[nodes]) - np.sum(
         S[nodes] * rhs
@@ -93,6 +93,15 @@ def test_energy_matrices_are_the_exchange_tested(case, rng):
             s * hA * (T - law) * (phi @ S[around] + xi[cell] * (S[around] @ gradient @ U[cell]))
         )
     assert tested == pytest.approx(expected, rel=1e-12)
+
+
+def test_lumping_moves_no_heat_between_grains_and_fluid(case):
+    box, mesh, _, _, sums, fields = case
+    U, still = mesh.mean(fields.velocity), np.zeros(len(box.cells))
+    (lumped, given), (matrix, rhs) = (sums.energy(U, still, kind) for kind in (True, False))
+    np.testing.assert_allclose(lumped.sum(axis=1), matrix.sum(axis=1), rtol=1e-14)
+    np.testing.assert_array_equal(given, rhs)
+    assert not (lumped * (1 - np.eye(lumped.shape[1]))).any()
 
 
 def test_what_the_fluid_loses_the_grains_gain(case):
