@@ -9,6 +9,7 @@ use crate::run::{self, start_threads};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::PoisonError;
 use tracing::info;
 use voidage_coupling::compare::{Difference, Finding};
 use voidage_coupling::launch::Host;
@@ -152,7 +153,8 @@ fn same_states(options: &Options, candidates: &[Candidate]) -> Result<Vec<Findin
         }
         show(&mut progress, &simulation, &report);
     }
-    Ok(findings.take())
+    let mut findings = findings.lock().unwrap_or_else(PoisonError::into_inner);
+    Ok(std::mem::take(&mut *findings))
 }
 
 /// One run per solver, in step; each is compared with the first after every step.

@@ -3,9 +3,7 @@
 use crate::backend::{FluidBackend, FluidReport, FluidStep, Immersed};
 use crate::error::Result;
 use crate::recorder::View;
-use std::cell::RefCell;
-use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use voidage_fluid::exchange::AtBodies;
 use voidage_fluid::flow::State;
 use voidage_fluid::{Mesh, Vector};
@@ -37,7 +35,7 @@ pub struct Finding {
 }
 
 /// What a [`SideBySide`] has found so far.
-pub type Findings = Rc<RefCell<Vec<Finding>>>;
+pub type Findings = Arc<Mutex<Vec<Finding>>>;
 
 /// Another solver with its answer to the step in hand.
 struct Other<const D: usize> {
@@ -135,7 +133,7 @@ impl<const D: usize> FluidBackend<D> for SideBySide<D> {
                 let mut differences = nodal(self.density, velocity, pressure, temperature);
                 differences.extend(at_grains);
                 let finding = Finding { step, solver: other.name.clone(), differences };
-                self.findings.borrow_mut().push(finding);
+                self.findings.lock().unwrap_or_else(PoisonError::into_inner).push(finding);
             }
         }
         Ok(fields)

@@ -150,7 +150,7 @@ impl Channel for Tcp {
         let before = self.partial.read;
         match self.read_on()? {
             Some(frame) if frame.kind() == Kind::Heartbeat => Ok(Event::Heartbeat),
-            Some(frame) => Ok(Event::Frame(frame)),
+            Some(frame) => Ok(Event::Frame(Box::new(frame))),
             // A long frame on its way is a sign of life.
             None if self.partial.read > before => Ok(Event::Heartbeat),
             None => Ok(Event::Nothing),
