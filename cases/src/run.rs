@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use tracing::{info, warn};
 use voidage_coupling::launch::Host;
-use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary, create_folder};
+use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
 use voidage_coupling::scene::{Scene, Solver};
 use voidage_coupling::{Error, Result, Simulation, StepReport};
 
@@ -131,7 +131,6 @@ impl Run {
         let started = Instant::now();
         let folder = options.out.clone().unwrap_or_else(|| default_folder(&options.scene));
         let hash = scene.hash()?;
-        create_folder(&folder)?;
         let program = std::env::current_exe().unwrap_or(Host::default().program);
         let host = Host { program, log: folder.join("solver.log") };
         let (simulation, recording) = match &options.restart {

@@ -36,7 +36,10 @@ fn receive(channel: &mut dyn Channel) -> Result<(Kind, f64, usize), PeerError> {
 
 /// The other process: answers until it is told to end.
 fn echo(place: &str) -> Result<(), PeerError> {
-    let Ok(address) = place.parse::<Address>() else { return Ok(echo_socket(place)) };
+    let Ok(address) = place.parse::<Address>() else {
+        echo_socket(place);
+        return Ok(());
+    };
     let mut channel = transport::connect(&address, PATIENCE)?;
     send(&mut *channel, Kind::Hello, 0)?;
     loop {
@@ -87,13 +90,18 @@ fn round_trips(criterion: &mut Criterion, name: &str, mut trip: impl FnMut(usize
 fn over_channel(criterion: &mut Criterion, name: &str, address: &Address) -> Result<(), PeerError> {
     let (mut channel, address) = transport::listen(address, PATIENCE)?;
     let mut child = other(&address.to_string());
-    receive(&mut *channel)?;
+    let outcome = ask(criterion, name, &mut *channel);
+    child.wait().expect("the other process ends");
+    outcome
+}
+
+fn ask(criterion: &mut Criterion, name: &str, channel: &mut dyn Channel) -> Result<(), PeerError> {
+    receive(channel)?;
     round_trips(criterion, name, |grains| {
-        let answer = send(&mut *channel, Kind::Step, THERE * grains).and_then(|()| receive(&mut *channel));
+        let answer = send(channel, Kind::Step, THERE * grains).and_then(|()| receive(channel));
         assert!(answer.is_ok_and(|(_, sum, count)| sum > 0.0 && count == BACK * grains));
     });
-    send(&mut *channel, Kind::Bye, 0)?;
-    child.wait().map(drop).map_err(|error| PeerError::Channel(error.to_string()))
+    send(channel, Kind::Bye, 0)
 }
 
 fn over_socket(criterion: &mut Criterion) {

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, PeerError, Result};
 use crate::protocol::Setup;
+use crate::recorder::create_folder;
 use crate::remote::RemoteFluid;
 use crate::scene::{Backend, Solver, Transport};
 use crate::transport::{self, Address};
@@ -127,6 +128,7 @@ impl Process {
     /// # Errors
     /// The log cannot be written, the command is not there.
     pub fn start(mut command: Command, log: &Path) -> Result<Self> {
+        log.parent().map_or(Ok(()), create_folder)?;
         let file = File::create(log).map_err(|error| Error::file(log, "write", error))?;
         let second = file.try_clone().map_err(|error| Error::file(log, "write", error))?;
         command.stdin(Stdio::null()).stdout(file).stderr(second);

@@ -58,7 +58,7 @@ impl Peer {
                 Event::Frame(frame) => {
                     self.request = *frame.header();
                     self.heart.beat(true);
-                    return Ok(Some(frame));
+                    return Ok(Some(*frame));
                 }
                 Event::Heartbeat | Event::Nothing if left.is_zero() => return Ok(None),
                 Event::Heartbeat | Event::Nothing => {}

@@ -334,7 +334,7 @@ fn wrong_options_are_named() {
         ),
         (&["--set", "time.end=nan"], &["--set time.end=nan", "finite"]),
         (&["--scheme", "henri"], &["henri", "explicit"]),
-        (&["--fluid", "fenicsx"], &["fenicsx", "not available in this version", "--fluid rust"]),
+        (&["--fluid", "magic"], &["magic", "no such fluid solver", "fenicsx"]),
         (&["--threads", "0"], &["--threads 0", "1 or more"]),
         (&["--restart", "none"], &["none", "cannot read the checkpoint"]),
         (&["--restart", "scene.toml"], &["scene.toml", "is no checkpoint"]),

@@ -203,7 +203,6 @@ fn in_shared_memory() -> Vec<String> {
     names.filter(|name| name.starts_with("voidage_") && !name.ends_with(".global_mgmt")).collect()
 }
 
-/// Tests run side by side: only what is there before and after everything else counts.
 #[test]
 fn a_killed_run_takes_its_solver_with_it_and_nothing_stays_after_the_next_start() {
     let folder = folder();
@@ -229,9 +228,11 @@ fn a_killed_run_takes_its_solver_with_it_and_nothing_stays_after_the_next_start(
         signal("-KILL", solver);
         end(run_process);
         run(folder.path(), "next", &["--fluid", "serve", "--set", "time.end=0.001"]);
-        let now = in_shared_memory();
-        let still: Vec<_> = left.iter().filter(|name| now.contains(name)).collect();
-        assert!(still.is_empty(), "{still:?}");
+        // Some of this may be of tests beside this one, which end as well.
+        until("something stays in shared memory", || {
+            let now = in_shared_memory();
+            !left.iter().any(|name| now.contains(name))
+        });
     }
 }
 

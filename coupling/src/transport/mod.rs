@@ -23,7 +23,7 @@ pub const LOOK: Duration = Duration::from_millis(100);
 /// What came of waiting for a frame.
 pub enum Event {
     /// A frame.
-    Frame(Frame),
+    Frame(Box<Frame>),
     /// The other process is busy and says so.
     Heartbeat,
     /// Nothing in this time, and the other process is there as far as one can tell.
@@ -111,7 +111,7 @@ pub fn receive(
     let mut heard = Instant::now();
     loop {
         match channel.poll(LOOK.min(silence))? {
-            Event::Frame(frame) => return Ok(frame),
+            Event::Frame(frame) => return Ok(*frame),
             Event::Heartbeat => heard = Instant::now(),
             Event::Nothing if heard.elapsed() >= silence => {
                 return Err(PeerError::Silent { seconds: silence.as_secs_f64() });

@@ -246,7 +246,7 @@ impl Channel for Shared {
 
     fn poll(&mut self, wait: Duration) -> Result<Event, PeerError> {
         if let Some(frame) = self.take()? {
-            return Ok(Event::Frame(frame));
+            return Ok(Event::Frame(Box::new(frame)));
         }
         let (mut woken, mut beat) = (false, false);
         // An interrupted wait (a signal) is a short one.
@@ -259,7 +259,7 @@ impl Channel for Shared {
         );
         let there = woken || !self.met || self.is_there();
         match self.take()? {
-            Some(frame) => Ok(Event::Frame(frame)),
+            Some(frame) => Ok(Event::Frame(Box::new(frame))),
             None if !there => Err(PeerError::Gone),
             None if beat => Ok(Event::Heartbeat),
             None => Ok(Event::Nothing),

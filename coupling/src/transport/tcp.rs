@@ -131,6 +131,8 @@ impl Channel for Tcp {
     }
 
     fn send(&mut self, header: &Header, mut payload: Loan) -> Result<(), PeerError> {
+        // Grains that speak first may have a solver that has just connected.
+        self.accept(LOOK)?;
         write(&self.writer, header, payload.payload_mut()).map_err(|error| match is_wait(&error) {
             true => PeerError::Silent { seconds: self.silence.as_secs_f64() },
             false => broken(error),
@@ -148,7 +150,7 @@ impl Channel for Tcp {
         let before = self.partial.read;
         match self.read_on()? {
             Some(frame) if frame.kind() == Kind::Heartbeat => Ok(Event::Heartbeat),
-            Some(frame) => Ok(Event::Frame(frame)),
+            Some(frame) => Ok(Event::Frame(Box::new(frame))),
             // A long frame on its way is a sign of life.
             None if self.partial.read > before => Ok(Event::Heartbeat),
             None => Ok(Event::Nothing),

@@ -84,6 +84,8 @@ fn silence_ends_at_the_time_out_and_heartbeats_put_it_off() {
 #[test]
 fn an_end_that_is_closed_is_gone() {
     over_both(|[mut grains, mut fluid]| {
+        send(&mut *fluid, &[])?;
+        get(&mut *grains)?;
         send(&mut *fluid, &[1.0])?;
         drop(fluid);
         assert_eq!(get(&mut *grains)?.payload(), [1.0]);
