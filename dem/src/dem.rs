@@ -255,16 +255,9 @@ impl<const D: usize> Dem<D> {
     /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.
     fn move_grains(&mut self, h: f64, load: &Load<'_, D>, last: bool, report: &mut StepReport) {
         let n = self.particles.len();
-        let scene = Scene {
-            particles: &self.particles,
-            materials: &self.materials,
-            walls: &self.walls,
-            placed: &self.placed,
-            settings: &self.settings,
-            load,
-            h,
-        };
-        let (search, problem) = (&self.search, &mut self.problem);
+        let mut problem = std::mem::take(&mut self.problem);
+        let scene = self.scene(h, load);
+        let search = &self.search;
         for (slot, &i) in search.grid.order.iter().enumerate() {
             problem.bodies.set_velocity(slot, &scene.free_velocity(i as usize));
             if let Some(rotation) = &self.particles.rotation {
@@ -284,7 +277,7 @@ impl<const D: usize> Dem<D> {
                 rotation.angle[i] += rotation.spin[i] * h;
             }
         }
-        for r in search.records(problem, false) {
+        for r in search.records(&problem, false) {
             self.contact_force[r.i as usize] -= r.impulse;
             if r.j & WALL == 0 {
                 self.contact_force[r.j as usize] += r.impulse;
@@ -292,10 +285,13 @@ impl<const D: usize> Dem<D> {
                 self.wall_force[(r.j & !WALL) as usize] += r.impulse;
             }
         }
-        self.memory.store(n, h, self.settings.cohesion.is_some(), || search.records(problem, last));
+        self.memory.store(n, h, self.settings.cohesion.is_some(), || search.records(&problem, last));
         if last {
             report.candidates = problem.contacts.len();
             report.contacts = problem.contacts.iter().filter(|c| c.acts()).count();
+        }
+        self.problem = problem;
+        if last {
             report.max_penetration_over_radius = self.deepest_overlap(h);
         }
     }

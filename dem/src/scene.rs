@@ -58,9 +58,8 @@ impl<const D: usize> Scene<'_, D> {
         let gap = distance - p.radius[i] - p.radius[j];
         let (a, b) = (&self.materials[p.material[i] as usize], &self.materials[p.material[j] as usize]);
         let before = (p.velocity[j] - p.velocity[i]).dot(&normal);
-        let restitution = a.restitution.min(b.restitution);
-        let contact =
-            self.contact(slots, normal, gap, before, restitution, a.friction.min(b.friction), bodies);
+        let law = [a.restitution.min(b.restitution), a.friction.min(b.friction)];
+        let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
     }
 
@@ -80,21 +79,19 @@ impl<const D: usize> Scene<'_, D> {
         if bodies.spins() {
             bodies.push_spin(0.0, 0.0);
         }
-        let contact = self.contact([a, slot], normal, gap, before, wall.restitution, wall.friction, bodies);
+        let contact = self.contact([a, slot], normal, gap, before, [wall.restitution, wall.friction], bodies);
         (contact, Touch { wall: w as u32 }, gap)
     }
 
     /// Newton's law u_n' = -e u_n holds only for an impact: the gap closes within the sub-step if the contact
     /// does nothing. Then u_n' + e u_n >= 0 takes the place of u_n' + gap/h >= 0, unless an overlap asks for more.
-    #[allow(clippy::too_many_arguments)]
     fn contact(
         &self,
         [i, j]: [u32; 2],
         normal: Vector<D>,
         gap: f64,
         before: f64,
-        restitution: f64,
-        friction: f64,
+        [restitution, friction]: [f64; 2],
         bodies: &Bodies<D>,
     ) -> Contact<D> {
         let (a, b) = (i as usize, j as usize);

@@ -57,19 +57,17 @@ def _facets(points, cells, axis, value, outward):
     return facets
 
 
-def scatter(rng, points, cells, count: int = 25, held: bool = False):
-    """Random grains in up to four pieces each, and the voidage that they make."""
+def scatter(rng, points, cells, held: bool = False, within: int | None = None):
+    """Random grains in up to four pieces each, in the first cells, and the voidage they make."""
+    count = 25
     mesh, dimension = Cells(points, cells), points.shape[1]
     first = np.concatenate(([0], rng.integers(1, 5, count).cumsum()))
-    cell = rng.integers(0, len(cells), first[-1])
+    cell = rng.integers(0, within or len(cells), first[-1])
     shape, share = rng.dirichlet(np.ones(dimension + 1), len(cell)), rng.random(len(cell)) + 0.1
     share /= np.repeat(np.add.reduceat(share, first[:-1]), np.diff(first))
     pieces = Pieces(first, cell, shape, share)
-    volume, drag, transfer = (
-        0.2 * mesh.measure.sum() / count * rng.random(count),
-        rng.random(count),
-        rng.random(count),
-    )
+    volume = 0.2 * mesh.measure[:within].sum() / count * rng.random(count)
+    drag, transfer = rng.random((2, count))
     still = 0.0 if held else 1.0
     grains = Grains(
         volume,

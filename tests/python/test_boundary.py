@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from conftest import problem
 from voidage.boundary import Holds, area_vectors, check_balance, hold_heat
 from voidage.solver import Condition, NoSlip, Open, Slip, SuperficialVelocity, Temperature, Velocity
+
+from conftest import problem
 
 
 def node(box, *x):

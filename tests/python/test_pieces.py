@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from conftest import problem, scatter
 from voidage.cells import Cells, Stabilisation
 from voidage.pieces import PieceSums
 from voidage.solver import Fields
+
+from conftest import problem, scatter
 
 
 @pytest.fixture(params=[2, 3])

@@ -4,21 +4,24 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import problem, scatter
 from voidage.cells import Cells
 from voidage.solver import (
     Condition,
     Fields,
+    Grains,
     Heat,
     Newton,
     NoSlip,
     Open,
     OpenHeat,
+    Pieces,
     Slip,
     Sources,
     Step,
     Velocity,
 )
+
+from conftest import problem, scatter
 
 WARM = Heat(capacity=1.5, conductivity=0.1, expansion=0.0, reference=300.0)
 
@@ -96,6 +99,20 @@ def test_a_step_starts_from_the_accepted_state(solver, rng):
     solver.accept()
     moved, _ = solver.solve(step)
     assert np.abs(moved.velocity - first.velocity).max() > 1e-6 * np.abs(first.velocity).max()
+
+
+def test_no_grains_are_as_none(solver):
+    box = problem(3, 2, gravity=np.array([0.0, -9.81]))
+    empty, clear = np.zeros(0), np.ones(len(box.points))
+    grains = Grains(empty, empty, empty, np.zeros((0, 2)))
+    pieces = Pieces(np.zeros(1, int), np.zeros(0, int), np.zeros((0, 3)), empty)
+    solver.set_mesh(box)
+    states = []
+    for extra in ((grains, pieces), ()):
+        at, _ = solver.solve(Step(0.1, everywhere(box, NoSlip()), clear, *extra))
+        assert at.velocity.shape == (0, 2)
+        states.append(solver.next.pressure)
+    np.testing.assert_array_equal(*states)
 
 
 def test_a_stream_through_open_boundaries(solver):

@@ -69,7 +69,10 @@ pub fn draw(
     let bounds = [least(0), least(1), most(0), most(1)];
     let margin =
         if fluid.is_some() { 0.0 } else { 0.03 * (bounds[2] - bounds[0]).max(bounds[3] - bounds[1]) };
-    let bounds = [bounds[0] - margin, bounds[1] - margin, bounds[2] + margin, bounds[3] + margin];
+    let mut bounds = [bounds[0] - margin, bounds[1] - margin, bounds[2] + margin, bounds[3] + margin];
+    if let (Some(grains), Some(_)) = (&grains, &fluid) {
+        leave_out_empty(&mut bounds, &grains.points);
+    }
     if !bounds.iter().all(|bound| bound.is_finite()) {
         return Ok(());
     }
@@ -120,6 +123,20 @@ pub fn draw(
         plane.lines(walls.collect())?;
     }
     plane.save()
+}
+
+/// Cuts off the quarters of each axis beyond which no grain is, so that pictures of a run share few sizes.
+fn leave_out_empty(bounds: &mut [f64; 4], grains: &[[f64; 3]]) {
+    for axis in 0..2 {
+        let (lower, upper) = (bounds[axis], bounds[axis + 2]);
+        let quarter = |point: &[f64; 3]| (4.0 * (point[axis] - lower) / (upper - lower)).clamp(0.0, 4.0);
+        let first = grains.iter().map(quarter).fold(4.0, f64::min).floor();
+        let last = grains.iter().map(quarter).fold(0.0, f64::max).ceil();
+        if first < last {
+            let at = |quarter: f64| lower + 0.25 * quarter * (upper - lower);
+            (bounds[axis], bounds[axis + 2]) = (at(first), at(last));
+        }
+    }
 }
 
 /// What grains are coloured by: temperature, or speed without one.

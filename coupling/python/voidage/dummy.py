@@ -6,10 +6,9 @@ Copy this file to begin a solver of your own: keep the class, and let ``solve`` 
 from time import perf_counter
 
 import numpy as np
-
-from .cells import Cells
-from .pieces import PieceSums
-from .solver import AtGrains, Fields, Problem, Report, Solver, Step
+from voidage.cells import Cells
+from voidage.pieces import PieceSums
+from voidage.solver import AtGrains, Fields, Problem, Report, Solver, Step
 
 STREAM = 0.1  # m/s against gravity
 
@@ -27,7 +26,7 @@ class Dummy(Solver):
         upward = -weight / (np.linalg.norm(weight) or 1.0)
         velocity = np.tile(STREAM * upward, (len(self.problem.points), 1))
         self.next = Fields(velocity, self.problem.points @ weight, self.state.temperature)
-        report = Report(flow_s=perf_counter() - start)
+        report = Report(np.zeros_like(weight), flow_s=perf_counter() - start)
         if step.grains is None:
             none = np.zeros((0, self.problem.dimension))
             return AtGrains(none, none), report

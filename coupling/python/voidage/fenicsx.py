@@ -51,9 +51,8 @@ class FEniCSx(FiniteElements):
         self.dx = ufl.dx(domain=domain, metadata=QUADRATURE)
         self.normal = ufl.FacetNormal(domain)
         self.part = {name: k for k, name in enumerate(problem.boundaries)}
-        self.ds = ufl.ds(
-            domain=domain, subdomain_data=layout.facet_tags(problem), metadata=QUADRATURE
-        )
+        tags = layout.facet_tags(problem)
+        self.ds = ufl.ds(domain=domain, subdomain_data=tags, metadata=QUADRATURE)
         self.time_step = fem.Constant(domain, 1.0)
         self.eps, self.old = layout.nodal(), layout.nodal(problem.dimension)
         self.systems: dict[tuple, FlowSystem | HeatSystem] = {}

@@ -94,7 +94,7 @@ class Linear:
         self.layout, self.iterative = layout, iterative
         self.matrix_form, self.rhs_form = fem.form(matrix), fem.form(rhs)
         self.matrix = petsc.create_matrix(self.matrix_form)
-        self.rhs = petsc.create_vector(self.rhs_form)
+        self.rhs = petsc.assemble_vector(self.rhs_form)  # the vector; its values come later
         self.components = self.rhs.block_size
 
     def solve(

@@ -42,8 +42,10 @@ class FiniteElements(Solver):
         return self.state
 
     def solve(self, step: Step) -> tuple[AtGrains, Report]:
-        report, start = Report(), perf_counter()
-        sums = None if step.grains is None else PieceSums(self.cells, step.pieces, step.grains)
+        report, start = Report(np.zeros(self.problem.dimension)), perf_counter()
+        sums = None
+        if step.grains is not None and len(step.pieces.cell) > 0:
+            sums = PieceSums(self.cells, step.pieces, step.grains)
         temperature = None if self.problem.heat is None else self._energy(step, sums, report)
         report.heat_s = perf_counter() - start
         data = self._flow_data(step, sums, temperature)

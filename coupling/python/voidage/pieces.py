@@ -21,12 +21,9 @@ class PieceSums:
         self.mesh, self.pieces, self.grain = mesh, pieces, grain
         self.share, self.shape = pieces.share, pieces.shape
         self.nodes, self.gradient = mesh.nodes[pieces.cell], mesh.gradient[pieces.cell]
-        self.volume, self.drag, self.mobility = (
-            grains.volume[grain],
-            grains.drag[grain],
-            grains.mobility[grain],
-        )
-        self.velocity, self.heated = grains.velocity[grain], grains.heat is not None
+        self.volume, self.drag = grains.volume[grain], grains.drag[grain]
+        self.mobility, self.velocity = grains.mobility[grain], grains.velocity[grain]
+        self.heated = grains.heat is not None
         if self.heated:
             self.coefficient = grains.heat.coefficient[grain]
             self.heat_mobility = grains.heat.mobility[grain]
@@ -60,14 +57,8 @@ class PieceSums:
 
         Returns matrices (c, B, D + 1, B, D + 1) and right-hand sides (c, B, D + 1).
         """
-        phi, s, V, gamma, a, b = (
-            self.shape,
-            self.share,
-            self.volume,
-            self.drag,
-            self.mobility,
-            self.velocity,
-        )
+        phi, s, V, gamma = self.shape, self.share, self.volume, self.drag
+        a, b = self.mobility, self.velocity
         pairs = phi[:, :, None] * phi[:, None, :]
         drag = self._by_cell((s * gamma * (1 - a * gamma))[:, None, None] * pairs)
         pressure = self._by_cell((s * V * (a * gamma - 1))[:, None] * phi)
@@ -83,11 +74,7 @@ class PieceSums:
         along = time * np.einsum("ci,cai->ca", stabilisation.direction[self.cells], gradient)
         across = time[..., None] / density * gradient
         # Residual of the grains in a cell: drag u + pressure grad p - force.
-        drag_sum, pressure_sum, force_sum = (
-            drag.sum(axis=1),
-            pressure.sum(axis=1),
-            force.sum(axis=1),
-        )
+        drag_sum, pressure_sum, force_sum = (sums.sum(axis=1) for sums in (drag, pressure, force))
         drag = drag + along[:, :, None] * drag_sum[:, None, :]
         pressure = pressure + along * pressure_sum[:, None]
         force = force + along[:, :, None] * force_sum[:, None, :]
@@ -99,12 +86,8 @@ class PieceSums:
         matrix[:, :, :D, :, D] = np.einsum("ca,cbi->caib", pressure, gradient)
         matrix[:, :, D, :, :D] = np.einsum("cai,cb->cabi", across, drag_sum)
         matrix[:, :, D, :, :D] -= np.einsum("cai,cb->cabi", gradient, carried)
-        matrix[:, :, D, :, D] = np.einsum(
-            "cai,cbi->cab", across * pressure_sum[:, None, None], gradient
-        )
-        matrix[:, :, D, :, D] += diffusion[:, None, None] * np.einsum(
-            "cai,cbi->cab", gradient, gradient
-        )
+        laplace = diffusion + time[:, 0] / density * pressure_sum
+        matrix[:, :, D, :, D] = np.einsum("c,cai,cbi->cab", laplace, gradient, gradient)
         rhs = np.zeros((count, B, D + 1))
         rhs[:, :, :D] = force
         rhs[:, :, D] = np.einsum("cai,ci->ca", gradient, volume_flux)

@@ -8,7 +8,7 @@ units; ``D`` is 2 or 3, ``n`` counts nodes, ``m`` cells, ``g`` grains, ``q`` pie
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -226,14 +226,14 @@ class AtGrains:
 class Report:
     """What a step cost, and what the fluid lost to the grains."""
 
+    force: Floats
+    """Force on all grains, summed over the pieces by the fluid, N, (D); zero without grains."""
     iterations: int = 0
     """Linear iterations or refinements, summed over the systems of the step."""
     residual: float = 0.0
     """Relative residual of the last flow system."""
     flow_s: float = 0.0
     heat_s: float = 0.0
-    force: Floats = field(default_factory=lambda: np.zeros(0))
-    """Force on all grains, summed over the pieces by the fluid, N."""
     heat: float = 0.0
     """Heat to all grains, summed over the pieces by the fluid, W."""
 

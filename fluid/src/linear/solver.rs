@@ -35,7 +35,21 @@ pub struct Solver<const B: usize> {
     factors: Factors<B>,
     /// Whether `factors.single` are of an earlier matrix and good enough to start with.
     kept: bool,
+    staleness: Staleness,
 }
+
+/// How soon kept factors went stale: where the matrix changes too much from one system to the next, trying
+/// the old ones wastes iterations, so the next tries come after 1, 2, 4 .. systems.
+#[derive(Clone, Copy, Debug, Default)]
+struct Staleness {
+    /// Systems to solve with new factors before the old ones are tried again.
+    pause: u32,
+    /// Length of the last pause.
+    last: u32,
+}
+
+/// Longest pause between two tries of kept factors, in systems.
+const LONGEST_PAUSE: u32 = 32;
 
 /// What has been made so far; each is made when it is first needed.
 #[derive(Default)]
@@ -74,6 +88,7 @@ impl<const B: usize> Solver<B> {
             gmres: Gmres::default(),
             factors: Factors { symbolic: None, single: None, double: None, ilu: None, lu: None },
             kept: false,
+            staleness: Staleness::default(),
         }
     }
 
@@ -86,6 +101,7 @@ impl<const B: usize> Solver<B> {
     /// for bit if both call this there.
     pub fn forget(&mut self) {
         self.kept = false;
+        self.staleness = Staleness::default();
     }
 
     /// Solves A x = b; x holds the initial guess on entry. An error if no method reaches the
@@ -124,7 +140,7 @@ impl<const B: usize> Solver<B> {
     /// What is tried, in this order.
     fn attempts(&self) -> &'static [Attempt] {
         match self.options.method {
-            Method::Multifrontal if self.kept => {
+            Method::Multifrontal if self.kept && self.staleness.pause == 0 => {
                 &[Attempt::Kept, Attempt::Single, Attempt::Double, Attempt::Lu]
             }
             Method::Multifrontal => &[Attempt::Single, Attempt::Double, Attempt::Lu],
@@ -163,10 +179,26 @@ impl<const B: usize> Solver<B> {
         report.factored |= attempt != Attempt::Kept;
         report.iterations += iterations;
         report.residual = self.norm.residual(matrix, rhs, x);
+        let solved = report.residual <= options.tolerance;
         self.kept = matches!(attempt, Attempt::Kept | Attempt::Single)
             && iterations <= options.refactor_after
-            && report.residual <= options.tolerance;
+            && solved;
+        self.staleness.note(attempt, solved);
         Ok(())
+    }
+}
+
+impl Staleness {
+    fn note(&mut self, attempt: Attempt, solved: bool) {
+        match attempt {
+            Attempt::Kept if solved => self.last = 0,
+            Attempt::Kept => {
+                self.last = (2 * self.last).clamp(1, LONGEST_PAUSE);
+                // The system at hand is solved with new factors as well.
+                self.pause = self.last + 1;
+            }
+            _ => self.pause = self.pause.saturating_sub(1),
+        }
     }
 }
 

@@ -1,0 +1,52 @@
+"""FEniCSx under mpirun: the solution does not depend on the number of ranks."""
+
+import dataclasses
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from voidage.solver import Condition, Fields, Heat, NoSlip, Open, Step
+
+from conftest import problem, scatter
+
+
+def solve() -> np.ndarray:
+    """Velocity, pressure and temperature after one step, all grains in a corner of the box."""
+    from voidage.fenicsx import FEniCSx
+
+    box, rng = problem(6, 2, gravity=np.array([0.0, -9.81])), np.random.default_rng(3)
+    warm = Fields(box.fields.velocity, box.fields.pressure, np.full(len(box.points), 300.0))
+    box = dataclasses.replace(box, fields=warm, heat=Heat(1.5, 0.1, 0.003, 295.0))
+    grains, pieces, voidage = scatter(rng, box.points, box.cells, within=10)
+    conditions = [Condition(name, NoSlip()) for name in box.boundaries]
+    conditions[3] = Condition("y1", Open(0.0))
+    solver = FEniCSx()
+    solver.set_mesh(box)
+    solver.solve(Step(0.1, conditions, voidage, grains, pieces))
+    solver.accept()
+    fields = solver.fields()
+    return np.column_stack((fields.velocity, fields.pressure, fields.temperature - 300))
+
+
+def test_two_ranks_find_what_one_finds(tmp_path):
+    pytest.importorskip("dolfinx")
+    if shutil.which("mpirun") is None:
+        pytest.skip("there is no mpirun")
+    root = ["--allow-run-as-root"] if os.geteuid() == 0 else []
+    command = ["mpirun", *root, "--oversubscribe", "-n", "2", sys.executable, __file__, tmp_path]
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_"))}
+    env |= {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run(command, check=True, timeout=120, env=env)
+    one = solve()
+    for rank in range(2):
+        two = np.load(tmp_path / f"{rank}.npy")
+        assert (np.abs(two - one).max(axis=0) < 1e-9 * np.abs(one).max(axis=0)).all()
+
+
+if __name__ == "__main__":
+    from mpi4py import MPI
+
+    np.save(f"{sys.argv[1]}/{MPI.COMM_WORLD.rank}.npy", solve())
