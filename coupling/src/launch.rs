@@ -92,13 +92,12 @@ pub fn python(interpreter: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// The Python of solvers that need no dolfinx: `$VOIDAGE_PYTHON`, `.venv/bin/python`, or `python3`.
+/// The Python of solvers that need no dolfinx: `$VOIDAGE_PYTHON`, `target/venv/bin/python` above this folder or the
+/// program (`tests/python-setup` makes it), or `python3`.
 pub fn interpreter() -> PathBuf {
-    let venv = Path::new(".venv/bin/python");
     match std::env::var_os("VOIDAGE_PYTHON") {
         Some(python) => python.into(),
-        None if venv.exists() => venv.into(),
-        None => "python3".into(),
+        None => above("target/venv/bin/python").unwrap_or("python3".into()),
     }
 }
 
@@ -108,11 +107,16 @@ fn package() -> Option<PathBuf> {
     if let Some(folder) = std::env::var_os("VOIDAGE_PYTHONPATH") {
         return Some(folder.into());
     }
+    // Without its compiled part, the sources would only hide a package that is installed.
+    let compiled = above("coupling/python/voidage/_voidage.abi3.so")?;
+    compiled.ancestors().nth(2).map(Path::to_path_buf)
+}
+
+/// A file in this folder, that of the program, or one above.
+fn above(file: &str) -> Option<PathBuf> {
     let places = [std::env::current_dir().ok(), std::env::current_exe().ok()];
     let above = places.iter().flatten().flat_map(|place| place.ancestors());
-    above
-        .map(|folder| folder.join("coupling/python"))
-        .find(|folder| folder.join("voidage/__init__.py").exists())
+    above.map(|folder| folder.join(file)).find(|path| path.exists())
 }
 
 /// A solver that was started here. It is ended with this value.

@@ -27,11 +27,17 @@ def program():
     return ROOT / "target" / "release" / "voidage"
 
 
-def assert_same(one, other):
-    """Two simulations have the same columns, bit for bit."""
-    for columns, others in [(one.grains, other.grains), (one.fluid, other.fluid)]:
+OF_THE_LAST_STEP = {"force", "heat", "voidage"}  # which a checkpoint does not hold
+
+
+def assert_same(one, other, leave_out=frozenset()):
+    """Two simulations have the same columns of the grains, but for some, and fields, bit for bit."""
+    for columns, others, but in [
+        (one.grains, other.grains, leave_out),
+        (one.fluid, other.fluid, set()),
+    ]:
         assert columns.keys() == others.keys()
-        for name in columns:
+        for name in set(columns) - but:
             assert columns[name].tobytes() == others[name].tobytes(), name
 
 
@@ -46,7 +52,7 @@ def test_a_simulation_equals_the_program(program, tmp_path):
             simulation.checkpoint(tmp_path / "own.voidage")
     assert simulation.steps == restarted.steps == 40
     assert simulation.time == restarted.time == simulation.end == 0.04
-    assert_same(simulation, restarted)
+    assert_same(simulation, restarted, OF_THE_LAST_STEP)
 
 
 def test_a_restart_goes_on_bit_for_bit(bed, tmp_path):

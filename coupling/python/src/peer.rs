@@ -50,7 +50,8 @@ impl Peer {
         // In a thread of its own, so that signals are seen meanwhile; one that is left behind ends with its wait.
         std::thread::spawn(move || {
             let connected = voidage_coupling::peer::Peer::connect(&address, &solver, wait);
-            sender.send(connected.map(|(peer, setup)| (Mutex::new(peer), setup)))
+            // After an interrupt nobody waits for it any more.
+            let _ = sender.send(connected.map(|(peer, setup)| (Mutex::new(peer), setup)));
         });
         let receiver = Mutex::new(receiver);
         loop {

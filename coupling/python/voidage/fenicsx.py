@@ -245,3 +245,11 @@ def _transfers_heat(condition: Condition) -> type | None:
         case OpenHeat(temperature) if temperature is not None:
             return OpenHeat
     return None
+
+
+if __name__ == "__main__":
+    import sys
+
+    from .adapter import main
+
+    sys.exit(main(FEniCSx))

@@ -236,3 +236,11 @@ def _solve(
             f"the linear system is nearly singular: its relative residual is {residual:.1e}"
         )
     return (unit * x).reshape(value.shape), residual
+
+
+if __name__ == "__main__":
+    import sys
+
+    from .adapter import main
+
+    sys.exit(main(ScikitFem))
