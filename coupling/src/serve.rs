@@ -2,10 +2,9 @@
 
 use crate::backend::{FluidBackend, FluidStep, GrainLoad, Immersed, RustFluid};
 use crate::error::{Error, PeerError, Result};
-use crate::overlap::{self, Overlap};
 use crate::peer::Peer;
 use crate::protocol::{
-    Column, FieldsMessage, Kind, Setup, SolutionMessage, dimension, read_fields, read_mesh, read_step,
+    FieldsMessage, Kind, Setup, SolutionMessage, StepParts, dimension, read_fields, read_mesh, read_step,
 };
 use crate::transport::{Address, Frame, LOOK};
 use std::sync::Arc;
@@ -43,13 +42,6 @@ pub fn serve(address: &Address, wait: Duration) -> Result<()> {
     }
 }
 
-/// What a mesh brings with it.
-struct OnMesh<const D: usize> {
-    mesh: Arc<Mesh<D>>,
-    overlap: Option<Overlap<D>>,
-    nodal_volume: Vec<f64>,
-}
-
 fn no_mesh() -> PeerError {
     PeerError::Protocol("a step or a state before the mesh".into())
 }
@@ -57,7 +49,7 @@ fn no_mesh() -> PeerError {
 /// A solver and what it needs of the grains.
 struct Server<const D: usize, F> {
     backend: F,
-    on: Option<OnMesh<D>>,
+    mesh: Option<Arc<Mesh<D>>>,
     conditions: Vec<Condition<D>>,
     load: GrainLoad<D>,
     position: Vec<Vector<D>>,
@@ -68,7 +60,7 @@ struct Server<const D: usize, F> {
 impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
     fn new(backend: F, conditions: Vec<Condition<D>>) -> Self {
         let (load, at) = (GrainLoad::default(), AtBodies::default());
-        Self { backend, on: None, conditions, load, position: Vec::new(), radius: Vec::new(), at }
+        Self { backend, mesh: None, conditions, load, position: Vec::new(), radius: Vec::new(), at }
     }
 
     fn run(&mut self, peer: &mut Peer) -> Result<()> {
@@ -77,15 +69,14 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
             match frame.kind() {
                 Kind::Mesh => {
                     let (mesh, fields) = read_mesh(frame.header(), frame.payload())?;
-                    let (mesh, nodal_volume) = (Arc::new(mesh), Vec::new());
-                    self.backend.start(&mesh, &fields)?;
-                    self.on = Some(OnMesh { mesh, overlap: None, nodal_volume });
+                    let mesh = self.mesh.insert(Arc::new(mesh));
+                    self.backend.start(mesh, &fields)?;
                     peer.done()?;
                 }
                 Kind::State => {
-                    let mesh = self.on.as_ref().map(|on| on.mesh.clone()).ok_or_else(no_mesh)?;
+                    let mesh = self.mesh.as_ref().ok_or_else(no_mesh)?;
                     let fields = read_fields(frame.header(), frame.payload(), mesh.points.len())?;
-                    self.backend.start(&mesh, &fields)?;
+                    self.backend.start(mesh, &fields)?;
                     peer.done()?;
                 }
                 Kind::Step => self.solve(&frame, peer)?,
@@ -113,19 +104,25 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
     fn solve(&mut self, frame: &Frame, peer: &mut Peer) -> Result<()> {
         self.accept(frame);
         let header = frame.header();
-        let (layout, conditions) = read_step(header, frame.payload())?;
+        let StepParts { layout, pieces, conditions } = read_step(header, frame.payload())?;
         self.conditions = conditions.unwrap_or(std::mem::take(&mut self.conditions));
-        let grains = layout.range(Column::Position).is_some();
-        if grains {
+        if let Some(places) = &pieces {
+            let mesh = self.mesh.as_ref().ok_or_else(no_mesh)?;
             self.load.copy_columns(&layout, frame.payload(), &mut self.position, &mut self.radius);
-            self.cut()?;
+            self.load.pieces = places.read(frame.payload(), mesh.cell_count())?;
+            self.load.voidage.clear();
+            self.load.voidage.extend(&frame.payload()[places.voidage.clone()]);
+            if self.load.voidage.len() != mesh.points.len() {
+                let (values, nodes) = (self.load.voidage.len(), mesh.points.len());
+                return Err(PeerError::Protocol(format!("voidage at {values} of {nodes} nodes")).into());
+            }
         }
         let Self { backend, conditions, position, radius, load, at, .. } = self;
         let step = FluidStep {
             number: header.step,
             time: header.time,
             dt: header.dt,
-            grains: grains.then_some(Immersed { position, radius, load }),
+            grains: pieces.is_some().then_some(Immersed { position, radius, load }),
             conditions,
         };
         let report = backend.solve(&step, at)?;
@@ -134,20 +131,5 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
         let mut payload = peer.loan(header.length as usize)?;
         message.write(payload.payload_mut());
         Ok(peer.answer(&header, payload)?)
-    }
-
-    /// Pieces and voidage, as in the process of the grains.
-    fn cut(&mut self) -> Result<()> {
-        let Self { on, load, position, radius, .. } = self;
-        let on = on.as_mut().ok_or_else(no_mesh)?;
-        if on.overlap.is_none() {
-            on.overlap = Some(Overlap::new(&on.mesh)?);
-            on.nodal_volume = on.mesh.nodal_volume();
-        }
-        if let Some(overlap) = &mut on.overlap {
-            overlap.cut(&on.mesh, position, radius, &mut load.pieces)?;
-        }
-        overlap::voidage(&on.mesh, &load.pieces, &load.volume, &on.nodal_volume, &mut load.voidage);
-        Ok(())
     }
 }

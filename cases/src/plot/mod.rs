@@ -61,7 +61,7 @@ pub fn differences(folder: &Path, step: f64, findings: &[Finding]) -> Result<()>
             info!("{solver}: equal to the bit");
             continue;
         }
-        let name = solver.replace([':', '/'], "-");
+        let name = solver.replace([':', '/', ' '], "-");
         lines::differences(&folder.join(format!("free-runs-{name}.png")), curves)?;
     }
     Ok(())

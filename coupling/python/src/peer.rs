@@ -2,19 +2,19 @@
 
 use crate::arrays::Column as Copied;
 use crate::mesh::Mesh;
-use crate::solver::{field_arrays, read_report};
+use crate::solver::{field_arrays, piece_arrays, read_report};
 use crate::views::{self, Memory};
 use pyo3::exceptions::{PyBufferError, PyKeyError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use voidage_coupling::PeerError;
 use voidage_coupling::backend::FluidReport;
 use voidage_coupling::protocol::{
-    COLUMNS, Column, FIELDS, HEAT, Header, Kind, Layout, SOLUTION, dimension, read_fields, read_mesh,
-    read_step,
+    COLUMNS, Column, FIELDS, HEAT, Header, Kind, Layout, PiecePlaces, SOLUTION, dimension, read_fields,
+    read_mesh, read_step,
 };
 use voidage_coupling::transport::{self, Address, LOOK};
 
@@ -35,6 +35,7 @@ pub struct Peer {
     inner: Mutex<voidage_coupling::peer::Peer>,
     setup: String,
     nodes: usize,
+    cells: usize,
 }
 
 #[pymethods]
@@ -66,7 +67,7 @@ impl Peer {
                 Ok(connected) => {
                     let (inner, setup) = connected.map_err(exception)?;
                     return match dimension(&setup).map_err(exception)? {
-                        2 => Ok(Self { inner, setup, nodes: 0 }),
+                        2 => Ok(Self { inner, setup, nodes: 0, cells: 0 }),
                         other => Err(PyRuntimeError::new_err(format!(
                             "the run has {other} dimensions, grains are cut by the mesh in the plane only"
                         ))),
@@ -153,12 +154,16 @@ impl Peer {
     fn understand(&mut self, frame: transport::Frame) -> PyResult<Frame> {
         if frame.kind() == Kind::Mesh {
             self.nodes = frame.header().rows as usize;
+            self.cells = frame.header().cells as usize;
         }
-        let layout = match frame.kind() {
-            Kind::Step => Some(read_step::<2>(frame.header(), frame.payload()).map_err(exception)?.0),
-            _ => None,
+        let (layout, pieces) = match frame.kind() {
+            Kind::Step => {
+                let step = read_step::<2>(frame.header(), frame.payload()).map_err(exception)?;
+                (Some(step.layout), step.pieces)
+            }
+            _ => (None, None),
         };
-        Ok(Frame { frame, layout, nodes: self.nodes })
+        Ok(Frame { frame, layout, pieces, nodes: self.nodes, cells: self.cells })
     }
 
     fn answer(&mut self, py: Python<'_>, header: Header, layout: Layout) -> PyResult<Answer> {
@@ -183,7 +188,9 @@ fn column(name: &str, layout: Option<&Layout>) -> PyResult<Column> {
 pub struct Frame {
     frame: transport::Frame,
     layout: Option<Layout>,
+    pieces: Option<PiecePlaces>,
     nodes: usize,
+    cells: usize,
 }
 
 #[pymethods]
@@ -244,6 +251,21 @@ impl Frame {
             _ => read_fields::<2>(header, payload, self.nodes),
         };
         field_arrays(py, &fields.map_err(exception)?)
+    }
+
+    /// Copies of the pieces of the grains of a step, `(first, cell, shape, share)` as [`Overlap.cut`] returns them;
+    /// None without grains.
+    fn pieces<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
+        let Some(places) = &self.pieces else { return Ok(None) };
+        let pieces = places.read(self.payload(), self.cells).map_err(exception)?;
+        piece_arrays(py, &pieces).map(Some)
+    }
+
+    /// A copy of the nodal voidage of a step (n,); None without grains.
+    fn voidage<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(places) = &self.pieces else { return Ok(None) };
+        let numbers = self.payload()[places.voidage.clone()].to_vec();
+        Copied { numbers, width: 1 }.into_array(py).map(Some)
     }
 
     /// Names of the columns of a step.

@@ -241,6 +241,11 @@ class Frame:
         """The mesh of a request of the kind ``mesh``."""
     def fields(self) -> dict[str, Floats]:
         """Copies of the accepted fields of a request of the kind ``mesh`` or ``state``."""
+    def pieces(self) -> tuple[Integers, Integers, Floats, Floats] | None:
+        """Copies of the pieces of the grains of a step, (first, cell, shape, share) as
+        :meth:`Overlap.cut` returns them; None without grains."""
+    def voidage(self) -> Floats | None:
+        """A copy of the nodal voidage of a step (n,); None without grains."""
     def keys(self) -> list[str]:
         """Names of the columns of a step."""
     def __contains__(self, name: str) -> bool: ...

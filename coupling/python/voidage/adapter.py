@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from . import solver as data
-from ._voidage import Overlap, Peer
+from ._voidage import Peer
 from .solver import (
     AtGrains,
     Condition,
@@ -235,8 +235,6 @@ class Server:
 
     def __init__(self, peer: Peer, ranks: Ranks):
         self.peer, self.ranks = peer, ranks
-        self.mesh: Arrays | None = None
-        self.overlap: Overlap | None = None
         self.heat = json.loads(peer.setup)["heat"] is not None
 
     def run(self) -> None:
@@ -262,21 +260,18 @@ class Server:
 
     def _mesh(self, frame) -> None:
         mesh = frame.mesh()
-        self.mesh, self.overlap = (mesh.points, mesh.cells, mesh.boundaries), None
-        self.ranks.call("start", self.mesh, frame.fields())
+        self.ranks.call("start", (mesh.points, mesh.cells, mesh.boundaries), frame.fields())
 
     def _state(self, frame) -> None:
         self.ranks.call("restart", frame.fields())
 
     def _step(self, frame):
-        columns, pieces, voidage, count = None, None, None, 0
+        columns, count = None, 0
         if "position" in frame:
             columns = {name: frame[name] for name in frame.keys()}
-            if self.overlap is None:
-                self.overlap = Overlap(*self.mesh[:2])
-            pieces = self.overlap.cut(frame["position"], frame["radius"])
-            voidage, count = self.overlap.voidage(frame["volume"]), len(frame["radius"])
-        at, report = self.ranks.call("solve", frame.dt, frame.text, columns, pieces, voidage)
+            count = len(frame["radius"])
+        step = (frame.dt, frame.text, columns, frame.pieces(), frame.voidage())
+        at, report = self.ranks.call("solve", *step)
         heated = columns is not None and "heat_coefficient" in columns
         answer = self.peer.solution(count, heated)
         if count:

@@ -20,7 +20,7 @@ pub enum Kind {
     Mesh = 2,
     /// Accepted fields on the mesh there is; answered likewise.
     State = 3,
-    /// Columns of the grains for one solution from the accepted state; the text has the conditions if they changed.
+    /// Columns, pieces and voidage of the grains for one solution from the accepted state; the text has the conditions if they changed.
     Step = 4,
     /// Answer to a step: the fluid at the grains, and a report.
     Solution = 5,
@@ -80,6 +80,10 @@ pub struct Header {
     pub cells: u64,
     /// Facets of the boundary of a mesh; else 0.
     pub facets: u64,
+    /// Pieces of the grains of a step; else 0.
+    pub pieces: u64,
+    /// Nodes whose voidage a step with grains brings; else 0.
+    pub nodes: u64,
     /// Bytes of the text at the end of the payload.
     pub text: u64,
     /// Numbers in the payload.
@@ -107,6 +111,8 @@ impl Default for Header {
             stride: 0,
             cells: 0,
             facets: 0,
+            pieces: 0,
+            nodes: 0,
             text: 0,
             length: 0,
         }

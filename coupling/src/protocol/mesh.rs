@@ -137,18 +137,19 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
     }
 }
 
-fn put_numbers<'a>(to: &mut [f64], numbers: impl Iterator<Item = &'a u32>) {
+/// Writes whole numbers.
+pub(super) fn put_numbers<'a>(to: &mut [f64], numbers: impl Iterator<Item = &'a u32>) {
     to.iter_mut().zip(numbers).for_each(|(to, number)| *to = f64::from(*number));
 }
 
 /// Whole numbers below `count`.
-fn numbers(from: &[f64], count: u64, what: &str) -> Result<Vec<u32>, PeerError> {
+pub(super) fn numbers(from: &[f64], count: u64, what: &str) -> Result<Vec<u32>, PeerError> {
     let convert = |value: &f64| {
         let number = *value as u32;
         if f64::from(number) == *value && u64::from(number) < count {
             return Ok(number);
         }
-        wrong(format!("a mesh with the {what} {value}, there are {count}"))
+        wrong(format!("the {what} {value}, there are {count}"))
     };
     from.iter().map(convert).collect()
 }

@@ -5,8 +5,8 @@
 
 use super::columns::{with_heat, wrong};
 use super::text::{numbers_for_text, write_text};
-use super::{ACCEPT, Column, HEAT, Header, Kind, Layout, SOLUTION, STEP, STEP_HEAT, read_text};
-use crate::backend::{FluidReport, FluidStep, GrainLoad};
+use super::{ACCEPT, Column, HEAT, Header, Kind, Layout, PiecePlaces, SOLUTION, STEP, STEP_HEAT, read_text};
+use crate::backend::{FluidReport, FluidStep, GrainLoad, Immersed};
 use crate::error::PeerError;
 use voidage_fluid::Vector;
 use voidage_fluid::conditions::Condition;
@@ -19,26 +19,32 @@ use voidage_fluid::flow::Report;
 pub struct StepMessage<'a, const D: usize> {
     step: &'a FluidStep<'a, D>,
     layout: Layout,
+    pieces: Option<PiecePlaces>,
     conditions: String,
 }
 
 impl<'a, const D: usize> StepMessage<'a, D> {
     /// A step; `conditions` is their text if they must travel, else empty.
     pub fn new(step: &'a FluidStep<'a, D>, conditions: String) -> Self {
-        let layout = match &step.grains {
-            None => Layout::new(D, 0, &[], 0),
-            Some(grains) => {
-                let heat = with_heat(STEP_HEAT, grains.load.heat.is_some());
-                Layout::new(D, grains.position.len(), &[STEP, heat], 0)
+        let (layout, pieces) = match &step.grains {
+            None => (Layout::new(D, 0, &[], 0), None),
+            Some(Immersed { position, load, .. }) => {
+                let heat = with_heat(STEP_HEAT, load.heat.is_some());
+                let layout = Layout::new(D, position.len(), &[STEP, heat], 0);
+                (layout, Some(PiecePlaces::new(&layout, load.pieces.len(), load.voidage.len())))
             }
         };
-        Self { step, layout, conditions }
+        Self { step, layout, pieces, conditions }
     }
 
     /// Its header; `accept` accepts the solution before, `iteration` counts the solutions of this step.
     pub fn header(&self, accept: bool, iteration: u32) -> Header {
-        let length = self.layout.end() + numbers_for_text(&self.conditions);
+        let end = self.pieces.as_ref().map_or(self.layout.end(), |places| places.voidage.end);
+        let length = end + numbers_for_text(&self.conditions);
+        let count = |range: fn(&PiecePlaces) -> usize| self.pieces.as_ref().map_or(0, range) as u64;
         Header {
+            pieces: count(|places| places.cell.len()),
+            nodes: count(|places| places.voidage.len()),
             flags: if accept { ACCEPT } else { 0 },
             step: self.step.number,
             iteration,
@@ -65,28 +71,40 @@ impl<'a, const D: usize> StepMessage<'a, D> {
             layout.put(payload, Column::HeatMobility, &heat.mobility);
             layout.put(payload, Column::Temperature, &heat.temperature);
         }
+        if let Some(places) = &self.pieces {
+            places.write(&load.pieces, &load.voidage, payload);
+        }
     }
 }
 
-/// The layout of a step, and its conditions if it brings some; the columns lie in the payload.
+/// What a step brings; its numbers lie in the payload.
+pub struct StepParts<const D: usize> {
+    /// The columns of the grains; none without grains.
+    pub layout: Layout,
+    /// Pieces and voidage; absent without grains.
+    pub pieces: Option<PiecePlaces>,
+    /// The conditions, if they are new.
+    pub conditions: Option<Vec<Condition<D>>>,
+}
+
+/// Finds the parts of a step.
 ///
 /// # Errors
 /// Columns are missing or do not fit, the conditions cannot be read.
-pub fn read_step<const D: usize>(
-    header: &Header,
-    payload: &[f64],
-) -> Result<(Layout, Option<Vec<Condition<D>>>), PeerError> {
+pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<StepParts<D>, PeerError> {
     let required = if header.rows == 0 && header.mask == 0 { &[] } else { STEP };
     let layout = Layout::of(header, D, required, STEP_HEAT, 0)?;
+    let pieces = PiecePlaces::of(header, &layout)?;
+    let end = pieces.as_ref().map_or(layout.end(), |places| places.voidage.end);
     let text = read_text(header, payload)?;
-    if layout.end() + numbers_for_text(&text) > payload.len() {
+    if end + numbers_for_text(&text) > payload.len() {
         return wrong("columns and text of a step overlap".into());
     }
     if text.is_empty() {
-        return Ok((layout, None));
+        return Ok(StepParts { layout, pieces, conditions: None });
     }
     match serde_json::from_str(&text) {
-        Ok(conditions) => Ok((layout, Some(conditions))),
+        Ok(conditions) => Ok(StepParts { layout, pieces, conditions: Some(conditions) }),
         Err(error) => wrong(format!("the conditions of a step: {error}")),
     }
 }

@@ -6,7 +6,7 @@
 //! ```text
 //! fluid   hello     its name                     grains  hello     all that does not change, as JSON (`Setup`)
 //! grains  mesh      mesh, names, fields          fluid   mesh      done
-//! grains  step      columns of the grains        fluid   solution  fluid at the grains, report
+//! grains  step      columns and pieces           fluid   solution  fluid at the grains, report
 //! grains  fields                                 fluid   fields    nodal values
 //! grains  bye
 //! ```
@@ -19,6 +19,7 @@ mod columns;
 mod header;
 mod mesh;
 mod messages;
+mod pieces;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -26,5 +27,6 @@ mod text;
 pub use columns::{COLUMNS, Column, FIELDS, HEAT, Layout, SOLUTION, STEP, STEP_HEAT};
 pub use header::{ACCEPT, HEADER_BYTES, Header, Kind, MAGIC, VERSION};
 pub use mesh::{FieldsMessage, MeshMessage, read_fields, read_mesh};
-pub use messages::{SolutionMessage, StepMessage, read_solution, read_step};
+pub use messages::{SolutionMessage, StepMessage, StepParts, read_solution, read_step};
+pub use pieces::PiecePlaces;
 pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

@@ -5,7 +5,7 @@ use crate::backend::{FluidReport, FluidStep, GrainLoad, HeatLoad, Immersed};
 use crate::error::PeerError;
 use proptest::prelude::*;
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::exchange::{AtBodies, Pieces};
 use voidage_fluid::flow::{Report, State};
 use voidage_fluid::mesh::{Mesh, Rectangle, Side, Sides};
 use voidage_fluid::{Result, Vector};
@@ -40,7 +40,13 @@ fn load(grains: usize) -> GrainLoad<2> {
         mobility: column(3.0),
         velocity: column(4.0).into_iter().map(|x| Vector::<2>::new(x, -x)).collect(),
         heat: Some(HeatLoad { coefficient: column(5.0), mobility: column(6.0), temperature: column(7.0) }),
-        ..GrainLoad::default()
+        pieces: Pieces {
+            first: (0..=count as u32).collect(),
+            cell: (0..count as u32).map(|i| i % 3).collect(),
+            coordinate: vec![Vector::<2>::new(0.25, 0.5); count],
+            share: vec![1.0; count],
+        },
+        voidage: vec![0.5; 4],
     }
 }
 
@@ -67,8 +73,12 @@ fn a_step_comes_back_as_it_was() {
     assert!(header.accepts() && header.step == 3 && header.iteration == 2);
     let mut payload = vec![f64::NAN; header.length as usize];
     message.write(&mut payload);
-    let (layout, text) = read_step::<2>(&header, &payload).expect("a step");
-    assert!(text.is_none());
+    let StepParts { layout, pieces, conditions } = read_step::<2>(&header, &payload).expect("a step");
+    assert!(conditions.is_none());
+    let places = pieces.expect("pieces");
+    assert_eq!(places.read::<2>(&payload, 3).expect("pieces on a mesh of three cells"), load.pieces);
+    assert!(places.read::<2>(&payload, 2).is_err());
+    assert_eq!(payload[places.voidage], load.voidage);
     let (mut copy, mut places, mut radii) = (GrainLoad::default(), vec![], vec![]);
     copy.copy_columns(&layout, &payload, &mut places, &mut radii);
     assert_eq!((places, radii), (position, radius));
@@ -88,8 +98,8 @@ fn a_step_without_grains_and_heat_carries_nothing_of_them() {
     let (position, radius) = (vec![Vector::zeros(); 16], vec![0.1; 16]);
     let grains = Some(Immersed { position: &position, radius: &radius, load: &load });
     let step = FluidStep { grains, ..step };
-    // Position and velocity have two numbers each.
-    assert_eq!(StepMessage::new(&step, String::new()).header(false, 0).length, 8 * 16);
+    // Position and velocity have two numbers each; 16 pieces of 4 numbers, where each grain's begin, 4 nodes.
+    assert_eq!(StepMessage::new(&step, String::new()).header(false, 0).length, 8 * 16 + 4 * 16 + 17 + 4);
 }
 
 fn solution() -> (AtBodies<2>, FluidReport<2>) {
@@ -160,13 +170,16 @@ proptest! {
         mask in any::<u32>(),
         payload in prop::collection::vec(prop_oneof![Just(0.0), Just(1.0), any::<f64>()], 0..60),
     ) {
-        let [rows, stride, cells, facets, text, _] = counts;
+        let [rows, stride, cells, facets, text, pieces] = counts;
         let length = payload.len() as u64;
-        let header = Header { rows, stride, cells, facets, text, mask, length, ..Header::new(Kind::Step) };
+        let counts = Header { rows, stride, cells, facets, pieces, nodes: cells, text, ..Header::new(Kind::Step) };
+        let header = Header { mask, length, ..counts };
         let is_protocol = |error: &PeerError| matches!(error, PeerError::Protocol(_));
         let mut at = AtBodies::<2>::default();
         let outcomes = [
-            read_step::<2>(&header, &payload).err(),
+            read_step::<2>(&header, &payload)
+                .and_then(|step| step.pieces.map_or(Ok(()), |places| places.read::<2>(&payload, 9).map(drop)))
+                .err(),
             read_mesh::<2>(&header, &payload).err(),
             read_fields::<2>(&header, &payload, 4).err(),
             read_solution::<2>(&header, &payload, (3, true), &mut at).err(),
