@@ -65,6 +65,19 @@ def test_a_restart_goes_on_bit_for_bit(bed, tmp_path):
     assert_same(bed, restarted)
 
 
+def test_the_program_goes_on_from_a_checkpoint_of_python(program, tmp_path, bed):
+    bed.run(0.02)
+    bed.checkpoint(tmp_path / "half.voidage")
+    command = [program, "run", BED, "--quiet", "--out", tmp_path / "out"]
+    subprocess.run([*command, "--restart", tmp_path / "half.voidage"], check=True)
+    for step in range(21, 41):
+        bed.step()
+        if step % 10 == 0:
+            bed.checkpoint(tmp_path / "own.voidage")
+    restarted = voidage.Simulation(BED, restart=tmp_path / "out" / "checkpoint.voidage")
+    assert_same(bed, restarted, OF_THE_LAST_STEP)
+
+
 def test_the_report_says_how_a_step_went(bed):
     report = bed.step()
     assert report.keys() == bed.report.keys()

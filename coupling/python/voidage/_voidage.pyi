@@ -33,6 +33,7 @@ class Simulation:
         scheme: str | Scheme | None = None,
         restart: str | PathLike[str] | None = None,
         threads: int | None = None,
+        log: str | PathLike[str] | None = None,
     ) -> Simulation:
         """Loads a scene file.
 
@@ -51,6 +52,8 @@ class Simulation:
             A checkpoint of the same scene to go on from.
         threads
             Threads of this process, chosen once; results do not depend on it.
+        log
+            The file that gets the output of a solver in a process of its own; default ``solver.log``.
 
         Raises
         ------
@@ -69,7 +72,8 @@ class Simulation:
         """Steps to the end of the scene or to time ``until``, s. Returns the report of the last step."""
 
     def checkpoint(self, path: str | PathLike[str]) -> None:
-        """Writes a checkpoint. ``Simulation(.., restart=path)`` goes on from it bit for bit."""
+        """Writes a checkpoint. ``Simulation(.., restart=path)`` and ``voidage run --restart`` go on from it
+        bit for bit."""
 
     @property
     def time(self) -> float:
