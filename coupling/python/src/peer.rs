@@ -155,8 +155,8 @@ impl Peer {
             self.nodes = frame.header().rows as usize;
         }
         let layout = match frame.kind() {
-            Kind::Step => Some(read_step::<2>(frame.header(), frame.payload()).map_err(exception)?.0),
-            _ => None,
+            Kind::Step => read_step::<2>(frame.header(), frame.payload()).map_err(exception)?.0,
+            _ => Layout::new(2, 0, &[], 0),
         };
         Ok(Frame { frame, layout, nodes: self.nodes })
     }
@@ -169,8 +169,8 @@ impl Peer {
     }
 }
 
-fn column(name: &str, layout: Option<&Layout>) -> PyResult<Column> {
-    let there = |column: &Column| layout.is_some_and(|layout| layout.range(*column).is_some());
+fn column(name: &str, layout: &Layout) -> PyResult<Column> {
+    let there = |column: &Column| layout.range(*column).is_some();
     COLUMNS.into_iter().filter(there).find(|column| column.name() == name).ok_or_else(|| {
         let names: Vec<_> = COLUMNS.iter().filter(|column| there(column)).map(|c| c.name()).collect();
         PyKeyError::new_err(format!("no column `{name}` here; there are {}", names.join(", ")))
@@ -182,7 +182,7 @@ fn column(name: &str, layout: Option<&Layout>) -> PyResult<Column> {
 #[pyclass(frozen, module = "voidage")]
 pub struct Frame {
     frame: transport::Frame,
-    layout: Option<Layout>,
+    layout: Layout,
     nodes: usize,
 }
 
@@ -248,7 +248,7 @@ impl Frame {
 
     /// Names of the columns of a step.
     fn keys(&self) -> Vec<&'static str> {
-        let there = |column: &&Column| self.layout.is_some_and(|layout| layout.range(**column).is_some());
+        let there = |column: &&Column| self.layout.range(**column).is_some();
         COLUMNS.iter().filter(there).map(|column| column.name()).collect()
     }
 
@@ -258,8 +258,7 @@ impl Frame {
 
     fn __getitem__<'py>(this: Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let frame = this.get();
-        let column = column(name, frame.layout.as_ref())?;
-        views::read_only(&this, frame.layout.as_ref(), column)
+        Ok(views::read_only(&this, &frame.layout, column(name, &frame.layout)?))
     }
 
     fn __repr__(&self) -> String {
@@ -292,8 +291,8 @@ pub struct Answer {
 #[pymethods]
 impl Answer {
     fn __getitem__<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let column = column(name, Some(&self.layout))?;
-        let view = views::writable(self.memory()?.bind(py), &self.layout, column)?;
+        let column = column(name, &self.layout)?;
+        let view = views::writable(self.memory()?.bind(py), &self.layout, column);
         if let Some(at) = self.unwritten.iter().position(|unwritten| *unwritten == column) {
             view.call_method1("fill", (f64::NAN,))?;
             self.unwritten.remove(at);
@@ -302,7 +301,7 @@ impl Answer {
     }
 
     fn __setitem__(&mut self, py: Python<'_>, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        let column = column(name, Some(&self.layout))?;
+        let column = column(name, &self.layout)?;
         let (rows, width) = (self.layout.rows, column.width(self.layout.dimension));
         let numbers = crate::arrays::finite_numbers(value, name, Some(rows), width)?;
         let view = self.__getitem__(py, name)?;
