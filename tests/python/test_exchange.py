@@ -137,10 +137,12 @@ def test_an_answer_is_sent_whole_and_only_without_views(address):
     for name, value in [("velocity", np.zeros(2)), ("temperature", np.full(40, np.nan))]:
         with pytest.raises(ValueError, match=f"`{name}`"):
             answer[name] = value
-    answer.report(voidage.Report(force=np.zeros(2)))
     view = answer["temperature"]
     view[:] = 291.0
     answer["pressure_gradient"] = np.zeros((40, 2))
+    with pytest.raises(ValueError, match="the report of the answer was not written"):
+        peer.send(answer)
+    answer.report(voidage.Report(force=np.zeros(2)))
     part = view[3:5]
     del view
     with pytest.raises(BufferError, match="still in use"):
@@ -235,6 +237,49 @@ def test_the_process_of_a_solver(program, tmp_path):  # noqa: F811
     here = voidage.Simulation(BED, fluid=Dummy())
     here.run()
     assert_same(there, here, OF_THE_LAST_STEP)
+
+
+def test_a_run_that_is_killed_ends_the_solver(address, program, tmp_path):  # noqa: F811
+    (tmp_path / "slow.py").write_text(
+        "import time\n"
+        "from voidage.dummy import Dummy\n\n"
+        "class Slow(Dummy):\n"
+        "    def solve(self, step):\n"
+        "        time.sleep(0.1)\n"
+        "        return super().solve(step)\n"
+    )
+    out = ["--quiet", "--out", tmp_path / "out"]
+    run = subprocess.Popen([program, "run", BED, *out, "--fluid", f"attach:{address}"])
+    command = [sys.executable, "-m", "voidage.adapter", tmp_path / "slow.py", "--connect", address]
+    solver = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    time.sleep(1.5)
+    run.kill()
+    start = time.monotonic()
+    assert solver.wait(20) == 1 and time.monotonic() - start < 5
+    assert "the run is gone" in solver.stderr.read()
+    run.wait()
+
+
+def test_frames_that_are_kept_for_long(address):
+    """More of them than there is room for are an error here, and end the run; nothing is overwritten."""
+    run = Run(address, lambda simulation: simulation.run(until=0.02))
+    peer = voidage.Peer(address, "test")
+    _, frame = to_step(peer)
+    kept, copies = [], []
+    try:
+        for _ in range(10):
+            kept.append(frame["velocity"])
+            copies.append(kept[-1].copy())
+            peer.send(reply(peer, frame))
+            frame = peer.receive(5.0)
+    except RuntimeError as error:
+        assert "cannot receive" in str(error)
+    for view, copy in zip(kept, copies, strict=True):
+        np.testing.assert_array_equal(view, copy)
+    assert len(kept) == 10 or address.startswith("shm") and len(kept) >= 3
+    del peer
+    run.join()
+    assert "gone" in str(run.error)
 
 
 def test_the_command_line_names_what_is_wrong(tmp_path):

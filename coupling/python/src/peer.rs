@@ -19,7 +19,10 @@ use voidage_coupling::protocol::{
 use voidage_coupling::transport::{self, Address, LOOK};
 
 fn exception(error: PeerError) -> PyErr {
-    PyRuntimeError::new_err(error.to_string())
+    PyRuntimeError::new_err(match error {
+        PeerError::Gone => "the run is gone".to_owned(),
+        other => other.to_string(),
+    })
 }
 
 fn seconds(value: f64, name: &str) -> PyResult<Duration> {
@@ -119,6 +122,9 @@ impl Peer {
         if let Some(column) = answer.unwritten.first() {
             return Err(PyValueError::new_err(format!("`{}` of the answer was not written", column.name())));
         }
+        if answer.unreported {
+            return Err(PyValueError::new_err("the report of the answer was not written"));
+        }
         let memory = answer.memory()?;
         if views::in_use(memory.bind(py)) {
             return Err(PyBufferError::new_err("views of the answer are still in use: delete them before"));
@@ -165,7 +171,9 @@ impl Peer {
         let inner = self.inner();
         let loan = py.detach(|| inner.loan(header.length as usize)).map_err(exception)?;
         let unwritten = COLUMNS.into_iter().filter(|column| layout.range(*column).is_some()).collect();
-        Ok(Answer { header, layout, memory: Some(Py::new(py, Memory::new(loan))?), unwritten })
+        let memory = Some(Py::new(py, Memory::new(loan))?);
+        let unreported = header.kind == Kind::Solution as u32;
+        Ok(Answer { header, layout, memory, unwritten, unreported })
     }
 }
 
@@ -286,6 +294,7 @@ pub struct Answer {
     memory: Option<Py<Memory>>,
     /// The memory comes with what was in it before: none of it must be sent.
     unwritten: Vec<Column>,
+    unreported: bool,
 }
 
 #[pymethods]
@@ -315,6 +324,7 @@ impl Answer {
         }
         let report = read_report(report)?;
         views::write(self.memory()?.bind(py), |payload| report.write(payload));
+        self.unreported = false;
         Ok(())
     }
 }
