@@ -12,10 +12,11 @@ import time
 import numpy as np
 import pytest
 import voidage
-from test_simulation import BED, OF_THE_LAST_STEP, assert_same, program  # noqa: F401
+from test_simulation import BED, OF_THE_LAST_STEP, ROOT, assert_same, program  # noqa: F401
 from voidage import adapter
 from voidage.dummy import Dummy
 
+CAVITY = ROOT / "cases" / "cavity" / "scene.toml"
 numbers = itertools.count()
 
 
@@ -29,14 +30,14 @@ def address(request):
 class Run:
     """A simulation with its fluid at an address, in a thread of its own."""
 
-    def __init__(self, address, work, fluid=None, options=()):
+    def __init__(self, address, work, scene=BED):
         self.result, self.error = None, None
-        self.thread = threading.Thread(target=self._run, args=(address, work, list(options)))
+        self.thread = threading.Thread(target=self._run, args=(address, work, scene))
         self.thread.start()
 
-    def _run(self, address, work, options):
+    def _run(self, address, work, scene):
         try:
-            simulation = voidage.Simulation(BED, options, fluid=f"attach:{address}")
+            simulation = voidage.Simulation(scene, fluid=f"attach:{address}")
             self.result = work(simulation)
         except Exception as error:
             # The traceback would keep the simulation, and the run would not say goodbye.
@@ -62,6 +63,20 @@ def test_a_solver_elsewhere_equals_one_in_the_process(address):
     for columns, others in [(here.grains, grains), (here.fluid, fluid)]:
         for name in columns:
             assert columns[name].tobytes() == others[name].tobytes(), name
+
+
+def test_a_scene_without_grains(address):
+    def work(simulation):
+        simulation.step()
+        return dict(simulation.fluid)
+
+    run = Run(address, work, CAVITY)
+    adapter.serve(Dummy, address)
+    here = work(voidage.Simulation(CAVITY, fluid=Dummy()))
+    there = run.join()
+    assert here.keys() == there.keys() == {"velocity", "pressure"}
+    for name in here:
+        np.testing.assert_array_equal(there[name], here[name])
 
 
 def test_a_restart_gives_the_solver_a_state(address, tmp_path):

@@ -170,7 +170,8 @@ impl Peer {
     fn answer(&mut self, py: Python<'_>, header: Header, layout: Layout) -> PyResult<Answer> {
         let inner = self.inner();
         let loan = py.detach(|| inner.loan(header.length as usize)).map_err(exception)?;
-        let unwritten = COLUMNS.into_iter().filter(|column| layout.range(*column).is_some()).collect();
+        let to_write = |column: &Column| layout.range(*column).is_some_and(|range| !range.is_empty());
+        let unwritten = COLUMNS.into_iter().filter(to_write).collect();
         let memory = Some(Py::new(py, Memory::new(loan))?);
         let unreported = header.kind == Kind::Solution as u32;
         Ok(Answer { header, layout, memory, unwritten, unreported })

@@ -36,6 +36,7 @@ pub struct Simulation {
 
 #[pymethods]
 impl Simulation {
+    #[allow(clippy::too_many_arguments, reason = "in Python they are keywords")]
     #[new]
     #[pyo3(signature = (scene, set=vec![], *, fluid=None, scheme=None, restart=None, threads=None, log=None))]
     fn new(
