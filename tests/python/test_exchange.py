@@ -12,10 +12,11 @@ import time
 import numpy as np
 import pytest
 import voidage
-from test_simulation import BED, OF_THE_LAST_STEP, assert_same, program  # noqa: F401
+from test_simulation import BED, OF_THE_LAST_STEP, ROOT, assert_same, program  # noqa: F401
 from voidage import adapter
 from voidage.dummy import Dummy
 
+CAVITY = ROOT / "cases" / "cavity" / "scene.toml"
 numbers = itertools.count()
 
 
@@ -29,14 +30,14 @@ def address(request):
 class Run:
     """A simulation with its fluid at an address, in a thread of its own."""
 
-    def __init__(self, address, work, fluid=None, options=()):
+    def __init__(self, address, work, scene=BED):
         self.result, self.error = None, None
-        self.thread = threading.Thread(target=self._run, args=(address, work, list(options)))
+        self.thread = threading.Thread(target=self._run, args=(address, work, scene))
         self.thread.start()
 
-    def _run(self, address, work, options):
+    def _run(self, address, work, scene):
         try:
-            simulation = voidage.Simulation(BED, options, fluid=f"attach:{address}")
+            simulation = voidage.Simulation(scene, fluid=f"attach:{address}")
             self.result = work(simulation)
         except Exception as error:
             # The traceback would keep the simulation, and the run would not say goodbye.
@@ -62,6 +63,20 @@ def test_a_solver_elsewhere_equals_one_in_the_process(address):
     for columns, others in [(here.grains, grains), (here.fluid, fluid)]:
         for name in columns:
             assert columns[name].tobytes() == others[name].tobytes(), name
+
+
+def test_a_scene_without_grains(address):
+    def work(simulation):
+        simulation.step()
+        return dict(simulation.fluid)
+
+    run = Run(address, work, CAVITY)
+    adapter.serve(Dummy, address)
+    here = work(voidage.Simulation(CAVITY, fluid=Dummy()))
+    there = run.join()
+    assert here.keys() == there.keys() == {"velocity", "pressure"}
+    for name in here:
+        np.testing.assert_array_equal(there[name], here[name])
 
 
 def test_a_restart_gives_the_solver_a_state(address, tmp_path):
@@ -137,10 +152,12 @@ def test_an_answer_is_sent_whole_and_only_without_views(address):
     for name, value in [("velocity", np.zeros(2)), ("temperature", np.full(40, np.nan))]:
         with pytest.raises(ValueError, match=f"`{name}`"):
             answer[name] = value
-    answer.report(voidage.Report(force=np.zeros(2)))
     view = answer["temperature"]
     view[:] = 291.0
     answer["pressure_gradient"] = np.zeros((40, 2))
+    with pytest.raises(ValueError, match="the report of the answer was not written"):
+        peer.send(answer)
+    answer.report(voidage.Report(force=np.zeros(2)))
     part = view[3:5]
     del view
     with pytest.raises(BufferError, match="still in use"):
@@ -235,6 +252,49 @@ def test_the_process_of_a_solver(program, tmp_path):  # noqa: F811
     here = voidage.Simulation(BED, fluid=Dummy())
     here.run()
     assert_same(there, here, OF_THE_LAST_STEP)
+
+
+def test_a_run_that_is_killed_ends_the_solver(address, program, tmp_path):  # noqa: F811
+    (tmp_path / "slow.py").write_text(
+        "import time\n"
+        "from voidage.dummy import Dummy\n\n"
+        "class Slow(Dummy):\n"
+        "    def solve(self, step):\n"
+        "        time.sleep(0.1)\n"
+        "        return super().solve(step)\n"
+    )
+    out = ["--quiet", "--out", tmp_path / "out"]
+    run = subprocess.Popen([program, "run", BED, *out, "--fluid", f"attach:{address}"])
+    command = [sys.executable, "-m", "voidage.adapter", tmp_path / "slow.py", "--connect", address]
+    solver = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    time.sleep(1.5)
+    run.kill()
+    start = time.monotonic()
+    assert solver.wait(20) == 1 and time.monotonic() - start < 5
+    assert "the run is gone" in solver.stderr.read()
+    run.wait()
+
+
+def test_frames_that_are_kept_for_long(address):
+    """More of them than there is room for are an error here, and end the run; nothing is overwritten."""
+    run = Run(address, lambda simulation: simulation.run(until=0.02))
+    peer = voidage.Peer(address, "test")
+    _, frame = to_step(peer)
+    kept, copies = [], []
+    try:
+        for _ in range(10):
+            kept.append(frame["velocity"])
+            copies.append(kept[-1].copy())
+            peer.send(reply(peer, frame))
+            frame = peer.receive(5.0)
+    except RuntimeError as error:
+        assert "cannot receive" in str(error)
+    for view, copy in zip(kept, copies, strict=True):
+        np.testing.assert_array_equal(view, copy)
+    assert len(kept) == 10 or address.startswith("shm") and len(kept) >= 3
+    del peer
+    run.join()
+    assert "gone" in str(run.error)
 
 
 def test_the_command_line_names_what_is_wrong(tmp_path):

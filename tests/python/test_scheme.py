@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import voidage
 from test_simulation import BED, assert_same
+from voidage.dummy import Dummy
 
 
 class Henry:
@@ -77,6 +78,22 @@ def test_what_a_scheme_raises_is_the_cause():
         simulation.step()
     assert isinstance(raised.value.__cause__, LookupError)
     assert simulation.steps == 0 and simulation.grains["position"].shape == (40, 2)
+
+
+def test_what_a_solver_raises_inside_a_scheme_is_the_cause_of_the_cause():
+    class Curious(Dummy):
+        def solve(self, step):
+            self.system.load["drag"]  # which the scheme has not finished with
+
+    class Shared(Henry):
+        def step(self, system, dt):
+            fluid.system = system
+            super().step(system, dt)
+
+    fluid = Curious()
+    with pytest.raises(RuntimeError, match="in the middle of a phase") as raised:
+        voidage.Simulation(BED, scheme=Shared(), fluid=fluid).step()
+    assert raised.value.__cause__.__cause__ is not None
 
 
 def test_an_interrupt_is_raised_as_it_is():

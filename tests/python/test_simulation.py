@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ OF_THE_LAST_STEP = {"force", "heat", "voidage"}  # which a checkpoint does not h
 
 
 def assert_same(one, other, leave_out=frozenset()):
-    """Two simulations have the same columns of the grains, but for some, and fields, bit for bit."""
+    """Two simulations have the same columns and fields, bit for bit; of the grains but some."""
     for columns, others, but in [
         (one.grains, other.grains, leave_out),
         (one.fluid, other.fluid, set()),
@@ -63,6 +64,19 @@ def test_a_restart_goes_on_bit_for_bit(bed, tmp_path):
     for simulation in (bed, restarted):
         simulation.run(until=0.01)
     assert_same(bed, restarted)
+
+
+def test_the_program_goes_on_from_a_checkpoint_of_python(program, tmp_path, bed):
+    bed.run(0.02)
+    bed.checkpoint(tmp_path / "half.voidage")
+    command = [program, "run", BED, "--quiet", "--out", tmp_path / "out"]
+    subprocess.run([*command, "--restart", tmp_path / "half.voidage"], check=True)
+    for step in range(21, 41):
+        bed.step()
+        if step % 10 == 0:
+            bed.checkpoint(tmp_path / "own.voidage")
+    restarted = voidage.Simulation(BED, restart=tmp_path / "out" / "checkpoint.voidage")
+    assert_same(bed, restarted, OF_THE_LAST_STEP)
 
 
 def test_the_report_says_how_a_step_went(bed):
@@ -159,3 +173,21 @@ def test_grains_or_fluid_alone():
     cavity = voidage.Simulation(ROOT / "cases" / "cavity" / "scene.toml")
     cavity.step()
     assert len(cavity.grains) == 0 and "voidage" not in cavity.fluid
+
+
+def test_one_file_serves_python_of_debian_and_of_a_virtual_environment():
+    debian = "/usr/bin/python3"
+    package = {**os.environ, "PYTHONPATH": str(ROOT / "coupling" / "python")}
+    if subprocess.run([debian, "-c", "import numpy"], capture_output=True).returncode:
+        pytest.skip("no numpy for /usr/bin/python3: apt-get install python3-numpy")
+    script = (
+        "import sys, voidage; s = voidage.Simulation(sys.argv[1]); s.run(0.003);"
+        "print(s.grains['position'].tobytes().hex())"
+    )
+    printed = [
+        subprocess.run(
+            [python, "-c", script, BED], env=package, check=True, capture_output=True
+        ).stdout
+        for python in (sys.executable, debian)
+    ]
+    assert len(printed[0]) > 1000 and printed[0] == printed[1]

@@ -77,6 +77,25 @@ impl Group {
         }
     }
 
+    /// The names of the columns that are there.
+    fn there(self, coupled: &mut Coupled<2>) -> Result<Vec<&'static str>> {
+        let mut there = Vec::new();
+        if self == Group::Fluid {
+            // A solver elsewhere is asked once.
+            let Some(fluid) = &mut coupled.fluid else { return Ok(there) };
+            there.extend(["velocity", "pressure"]);
+            there.extend(fluid.backend.fields()?.temperature.map(|_| "temperature"));
+            there.extend(coupled.interaction.as_ref().map(|_| "voidage"));
+            return Ok(there);
+        }
+        for name in self.names() {
+            if self.read(coupled, name)?.is_some() {
+                there.push(*name);
+            }
+        }
+        Ok(there)
+    }
+
     fn read(self, coupled: &mut Coupled<2>, name: &str) -> Result<Option<Column>> {
         match self {
             Group::Grains => Ok(grains(coupled, name)),
@@ -218,16 +237,7 @@ impl Columns {
 impl Columns {
     /// Names of the columns that the scene has.
     fn keys(&self, py: Python<'_>) -> PyResult<Vec<&'static str>> {
-        let group = self.group;
-        self.with(py, |coupled| {
-            let mut there = Vec::new();
-            for name in group.names() {
-                if group.read(coupled, name)?.is_some() {
-                    there.push(*name);
-                }
-            }
-            Ok(there)
-        })
+        self.with(py, |coupled| self.group.there(coupled))
     }
 
     fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {

@@ -19,7 +19,10 @@ use voidage_coupling::protocol::{
 use voidage_coupling::transport::{self, Address, LOOK};
 
 fn exception(error: PeerError) -> PyErr {
-    PyRuntimeError::new_err(error.to_string())
+    PyRuntimeError::new_err(match error {
+        PeerError::Gone => "the run is gone".to_owned(),
+        other => other.to_string(),
+    })
 }
 
 fn seconds(value: f64, name: &str) -> PyResult<Duration> {
@@ -120,6 +123,9 @@ impl Peer {
         if let Some(column) = answer.unwritten.first() {
             return Err(PyValueError::new_err(format!("`{}` of the answer was not written", column.name())));
         }
+        if answer.unreported {
+            return Err(PyValueError::new_err("the report of the answer was not written"));
+        }
         let memory = answer.memory()?;
         if views::in_use(memory.bind(py)) {
             return Err(PyBufferError::new_err("views of the answer are still in use: delete them before"));
@@ -159,9 +165,9 @@ impl Peer {
         let (layout, pieces) = match frame.kind() {
             Kind::Step => {
                 let step = read_step::<2>(frame.header(), frame.payload()).map_err(exception)?;
-                (Some(step.layout), step.pieces)
+                (step.layout, step.pieces)
             }
-            _ => (None, None),
+            _ => (Layout::new(2, 0, &[], 0), None),
         };
         Ok(Frame { frame, layout, pieces, nodes: self.nodes, cells: self.cells })
     }
@@ -169,13 +175,16 @@ impl Peer {
     fn answer(&mut self, py: Python<'_>, header: Header, layout: Layout) -> PyResult<Answer> {
         let inner = self.inner();
         let loan = py.detach(|| inner.loan(header.length as usize)).map_err(exception)?;
-        let unwritten = COLUMNS.into_iter().filter(|column| layout.range(*column).is_some()).collect();
-        Ok(Answer { header, layout, memory: Some(Py::new(py, Memory::new(loan))?), unwritten })
+        let to_write = |column: &Column| layout.range(*column).is_some_and(|range| !range.is_empty());
+        let unwritten = COLUMNS.into_iter().filter(to_write).collect();
+        let memory = Some(Py::new(py, Memory::new(loan))?);
+        let unreported = header.kind == Kind::Solution as u32;
+        Ok(Answer { header, layout, memory, unwritten, unreported })
     }
 }
 
-fn column(name: &str, layout: Option<&Layout>) -> PyResult<Column> {
-    let there = |column: &Column| layout.is_some_and(|layout| layout.range(*column).is_some());
+fn column(name: &str, layout: &Layout) -> PyResult<Column> {
+    let there = |column: &Column| layout.range(*column).is_some();
     COLUMNS.into_iter().filter(there).find(|column| column.name() == name).ok_or_else(|| {
         let names: Vec<_> = COLUMNS.iter().filter(|column| there(column)).map(|c| c.name()).collect();
         PyKeyError::new_err(format!("no column `{name}` here; there are {}", names.join(", ")))
@@ -187,7 +196,7 @@ fn column(name: &str, layout: Option<&Layout>) -> PyResult<Column> {
 #[pyclass(frozen, module = "voidage")]
 pub struct Frame {
     frame: transport::Frame,
-    layout: Option<Layout>,
+    layout: Layout,
     pieces: Option<PiecePlaces>,
     nodes: usize,
     cells: usize,
@@ -270,7 +279,7 @@ impl Frame {
 
     /// Names of the columns of a step.
     fn keys(&self) -> Vec<&'static str> {
-        let there = |column: &&Column| self.layout.is_some_and(|layout| layout.range(**column).is_some());
+        let there = |column: &&Column| self.layout.range(**column).is_some();
         COLUMNS.iter().filter(there).map(|column| column.name()).collect()
     }
 
@@ -280,8 +289,7 @@ impl Frame {
 
     fn __getitem__<'py>(this: Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let frame = this.get();
-        let column = column(name, frame.layout.as_ref())?;
-        views::read_only(&this, frame.layout.as_ref(), column)
+        Ok(views::read_only(&this, &frame.layout, column(name, &frame.layout)?))
     }
 
     fn __repr__(&self) -> String {
@@ -309,13 +317,14 @@ pub struct Answer {
     memory: Option<Py<Memory>>,
     /// The memory comes with what was in it before: none of it must be sent.
     unwritten: Vec<Column>,
+    unreported: bool,
 }
 
 #[pymethods]
 impl Answer {
     fn __getitem__<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let column = column(name, Some(&self.layout))?;
-        let view = views::writable(self.memory()?.bind(py), &self.layout, column)?;
+        let column = column(name, &self.layout)?;
+        let view = views::writable(self.memory()?.bind(py), &self.layout, column);
         if let Some(at) = self.unwritten.iter().position(|unwritten| *unwritten == column) {
             view.call_method1("fill", (f64::NAN,))?;
             self.unwritten.remove(at);
@@ -324,7 +333,7 @@ impl Answer {
     }
 
     fn __setitem__(&mut self, py: Python<'_>, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        let column = column(name, Some(&self.layout))?;
+        let column = column(name, &self.layout)?;
         let (rows, width) = (self.layout.rows, column.width(self.layout.dimension));
         let numbers = crate::arrays::finite_numbers(value, name, Some(rows), width)?;
         let view = self.__getitem__(py, name)?;
@@ -338,6 +347,7 @@ impl Answer {
         }
         let report = read_report(report)?;
         views::write(self.memory()?.bind(py), |payload| report.write(payload));
+        self.unreported = false;
         Ok(())
     }
 }

@@ -2,10 +2,10 @@
 
 use crate::arrays::Column;
 use crate::columns::{Columns, Group, Owner};
-use crate::errors::{Raised, exception};
+use crate::errors::Raised;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
-use std::sync::{Mutex, TryLockError};
+use std::sync::{Mutex, PoisonError, TryLockError};
 use voidage_coupling::scheme::Scheme;
 use voidage_coupling::{Coupled, Error, Result, StepReport};
 
@@ -32,7 +32,8 @@ impl Scheme<2> for PythonScheme {
     fn step(&mut self, coupled: &mut Coupled<2>, dt: f64) -> Result<StepReport> {
         Python::attach(|py| {
             let steps = coupled.steps();
-            let system = Bound::new(py, System::default()).map_err(|raised| self.raised.keep(py, raised))?;
+            let system = System { held: Mutex::new(None), raised: self.raised.clone() };
+            let system = Bound::new(py, system).map_err(|raised| self.raised.keep(py, raised))?;
             // Python may keep the system: it is lent what it works on, and gives it back.
             system.get().lend(Held { coupled: std::mem::take(coupled), report: StepReport::default(), dt });
             let outcome = self.object.bind(py).call_method1("step", (&system, dt));
@@ -59,8 +60,10 @@ pub struct Held {
 /// Grains and fluid as a scheme sees them, during one call of its `step`: the phases of a step, and the columns that
 /// they read and write.
 #[pyclass(frozen, module = "voidage")]
-#[derive(Default)]
-pub struct System(Mutex<Option<Held>>);
+pub struct System {
+    held: Mutex<Option<Held>>,
+    raised: Raised,
+}
 
 /// Positions, velocities, contacts and all else that makes the grains what they are at one moment.
 #[pyclass(frozen, module = "voidage")]
@@ -68,11 +71,11 @@ pub struct GrainState(voidage_dem::State<2>);
 
 impl System {
     fn lend(&self, held: Held) {
-        *self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(held);
+        *self.held.lock().unwrap_or_else(PoisonError::into_inner) = Some(held);
     }
 
     fn give_back(&self, coupled: &mut Coupled<2>) -> StepReport {
-        let held = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+        let held = self.held.lock().unwrap_or_else(PoisonError::into_inner).take();
         held.map_or_else(StepReport::default, |held| {
             *coupled = held.coupled;
             held.report
@@ -85,20 +88,21 @@ impl System {
         py: Python<'_>,
         work: impl FnOnce(&mut Held) -> Result<R> + Send,
     ) -> PyResult<R> {
-        py.detach(|| {
+        let outcome = py.detach(|| {
             // Waiting could be for ever: the solver that a phase calls may be in Python and ask for the same system.
-            let mut held = match self.0.try_lock() {
+            let mut held = match self.held.try_lock() {
                 Ok(held) => held,
                 Err(TryLockError::Poisoned(held)) => held.into_inner(),
                 Err(TryLockError::WouldBlock) => {
-                    return Err(PyRuntimeError::new_err("the system is in the middle of a phase"));
+                    return Err(Error::Run("the system is in the middle of a phase".into()));
                 }
             };
-            let held = held.as_mut().ok_or_else(|| {
-                PyRuntimeError::new_err("the system can be used inside `step` of the scheme only")
-            })?;
-            work(held).map_err(|error| exception(&error))
-        })
+            match held.as_mut() {
+                Some(held) => work(held),
+                None => Err(Error::Run("the system can be used inside `step` of the scheme only".into())),
+            }
+        });
+        outcome.map_err(|error| self.raised.exception(py, &error))
     }
 }
 

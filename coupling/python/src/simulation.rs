@@ -12,7 +12,8 @@ use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use voidage_coupling::backend::FluidBackend;
-use voidage_coupling::recorder::{Checkpoint, Stamp};
+use voidage_coupling::launch::Host;
+use voidage_coupling::recorder::{Averages, Checkpoint, Stamp};
 use voidage_coupling::scene::{Scene, Solver, Time};
 use voidage_coupling::{Coupled, StepReport};
 
@@ -22,7 +23,8 @@ use voidage_coupling::{Coupled, StepReport};
 /// name of a solver as `voidage run --fluid` has it, or a solver in this process, an object with the methods of
 /// `voidage.Solver`; without it the scene says which. `scheme` is the
 /// name of a coupling scheme or an object with a method `step(system, dt)`. `restart` is a checkpoint of the same
-/// scene to go on from. `threads` is the number of threads of this process; results do not depend on it.
+/// scene to go on from. `threads` is the number of threads of this process; results do not depend on it. `log` gets
+/// the output of a solver in a process of its own.
 #[pyclass(module = "voidage")]
 pub struct Simulation {
     /// Never contended: it makes of what may be sent to another thread something that may be shared.
@@ -34,8 +36,9 @@ pub struct Simulation {
 
 #[pymethods]
 impl Simulation {
+    #[allow(clippy::too_many_arguments, reason = "in Python they are keywords")]
     #[new]
-    #[pyo3(signature = (scene, set=vec![], *, fluid=None, scheme=None, restart=None, threads=None))]
+    #[pyo3(signature = (scene, set=vec![], *, fluid=None, scheme=None, restart=None, threads=None, log=None))]
     fn new(
         py: Python<'_>,
         scene: PathBuf,
@@ -44,6 +47,7 @@ impl Simulation {
         scheme: Option<Bound<'_, PyAny>>,
         restart: Option<PathBuf>,
         threads: Option<usize>,
+        log: Option<PathBuf>,
     ) -> PyResult<Self> {
         if let Some(threads) = threads {
             start_threads(threads)?;
@@ -59,7 +63,7 @@ impl Simulation {
         let fluid = fluid.object.map(|object| python_fluid(&mut scene, &object, &raised)).transpose()?;
         let scheme = scheme.object.map(|object| PythonScheme::new(&object, raised.clone())).transpose()?;
         let inner = py
-            .detach(|| build(&scene, fluid, scheme, restart.as_deref()))
+            .detach(|| build(&scene, fluid, scheme, restart.as_deref(), log))
             .map_err(|error| raised.exception(py, &error))?;
         Ok(Self { inner: Mutex::new(inner), scene, last: StepReport::default(), raised })
     }
@@ -139,14 +143,15 @@ impl Simulation {
         self.inner().coupled().fluid.as_ref().map(|fluid| Mesh::new(py, &fluid.mesh)).transpose()
     }
 
-    /// Writes a checkpoint to the file `path`; `Simulation(.., restart=path)` goes on from it bit for bit as this
-    /// simulation does.
+    /// Writes a checkpoint to the file `path`; `Simulation(.., restart=path)` and `voidage run --restart` go on from it
+    /// bit for bit as this simulation does.
     fn checkpoint(&mut self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let Self { inner, scene, raised, .. } = self;
         let inner = inner.get_mut().unwrap_or_else(PoisonError::into_inner);
         py.detach(|| {
             let stamp = Stamp { scene_hash: scene.hash()?, step: inner.steps(), time: inner.time() };
-            Checkpoint::write(&path, &stamp, &inner.state()?, &())
+            // There are no averages over time to go on with.
+            Checkpoint::write(&path, &stamp, &inner.state()?, &None::<Averages>)
         })
         .map_err(|error| raised.exception(py, &error))
     }
@@ -229,8 +234,11 @@ fn build(
     fluid: Option<PythonFluid>,
     scheme: Option<PythonScheme>,
     restart: Option<&Path>,
+    log: Option<PathBuf>,
 ) -> voidage_coupling::Result<voidage_coupling::Simulation> {
-    let mut simulation = voidage_coupling::Simulation::new(scene)?;
+    let host = Host::default();
+    let host = Host { log: log.unwrap_or(host.log), ..host };
+    let mut simulation = voidage_coupling::Simulation::hosted(scene, &host)?;
     let coupled = simulation.coupled_mut();
     if let Some(scheme) = scheme {
         coupled.set_scheme(Box::new(scheme));

@@ -54,57 +54,47 @@ pub fn write(memory: &Bound<'_, Memory>, work: impl FnOnce(&mut [f64])) {
 }
 
 /// A read-only array of a column of a frame; it keeps the frame.
-pub fn read_only<'py>(
-    frame: &Bound<'py, Frame>,
-    layout: Option<&Layout>,
-    column: Column,
-) -> PyResult<Bound<'py, PyAny>> {
-    let range = layout.and_then(|layout| layout.range(column)).unwrap_or(0..0);
-    let width = layout.map_or(1, |layout| column.width(layout.dimension));
-    let base = frame.clone().into_any();
-    let numbers = &frame.get().payload()[range];
+pub fn read_only<'py>(frame: &Bound<'py, Frame>, layout: &Layout, column: Column) -> Bound<'py, PyAny> {
+    let numbers = &frame.get().payload()[layout.range(column).unwrap_or(0..0)];
+    let shape = (numbers.len(), column.width(layout.dimension));
     // SAFETY: the frame is immutable and keeps its payload in place; it is the base of the array, so it outlives it.
-    unsafe { array(numbers, width, base, false) }
+    unsafe { array(numbers.as_ptr(), shape, frame.clone().into_any(), false) }
 }
 
 /// A writable array of a column of an answer; it keeps the memory.
-pub fn writable<'py>(
-    memory: &Bound<'py, Memory>,
-    layout: &Layout,
-    column: Column,
-) -> PyResult<Bound<'py, PyAny>> {
+pub fn writable<'py>(memory: &Bound<'py, Memory>, layout: &Layout, column: Column) -> Bound<'py, PyAny> {
     let range = layout.range(column).unwrap_or(0..0);
-    let (width, base) = (column.width(layout.dimension), memory.clone().into_any());
-    // SAFETY: the loan is taken out of the memory only when nothing but the answer refers to the memory, and the answer
-    // forgets it then: while an array has it as its base, the payload stays.
-    unsafe {
-        let payload = memory.get().payload.as_ref();
-        array(&payload[range], width, base, true)
-    }
+    let payload = memory.get().payload;
+    assert!(range.end <= payload.len(), "the layout of an answer is that of its memory");
+    let shape = (range.len(), column.width(layout.dimension));
+    // SAFETY: the range lies in the payload. The loan is taken out of the memory only when nothing but the answer refers
+    // to the memory, and the answer forgets it then: while an array has it as its base, the payload stays.
+    unsafe { array(payload.cast::<f64>().as_ptr().add(range.start), shape, memory.clone().into_any(), true) }
 }
 
 /// # Safety
-/// `base` keeps the numbers where they are. If `writable`, they are not read through other references meanwhile.
+/// There are as many numbers as `shape` says first, and `base` keeps them where they are. If `writable`, they are not
+/// read through references meanwhile.
 unsafe fn array<'py>(
-    numbers: &[f64],
-    width: usize,
+    numbers: *const f64,
+    (length, width): (usize, usize),
     base: Bound<'py, PyAny>,
     writable: bool,
-) -> PyResult<Bound<'py, PyAny>> {
-    let shape_error = |error| pyo3::exceptions::PyRuntimeError::new_err(format!("{error}"));
+) -> Bound<'py, PyAny> {
     if width == 1 {
         // SAFETY: the promise of the caller.
-        let array = unsafe { PyArray1::borrow_from_array(&ArrayView1::from(numbers), base) };
+        let array =
+            unsafe { PyArray1::borrow_from_array(&ArrayView1::from_shape_ptr(length, numbers), base) };
         if !writable {
             drop(array.readwrite().make_nonwriteable());
         }
-        return Ok(array.into_any());
+        return array.into_any();
     }
-    let rows = ArrayView2::from_shape((numbers.len() / width, width), numbers).map_err(shape_error)?;
+    let shape = (length / width, width);
     // SAFETY: the promise of the caller.
-    let array = unsafe { PyArray2::borrow_from_array(&rows, base) };
+    let array = unsafe { PyArray2::borrow_from_array(&ArrayView2::from_shape_ptr(shape, numbers), base) };
     if !writable {
         drop(array.readwrite().make_nonwriteable());
     }
-    Ok(array.into_any())
+    array.into_any()
 }

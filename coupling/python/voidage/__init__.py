@@ -1,8 +1,9 @@
 """Grains in a finite element fluid.
 
-``Simulation`` runs a scene; a fluid solver or a coupling scheme written in Python can be plugged into it. A solver is
-one class with the four methods of :class:`Solver`; ``python -m voidage.adapter MODULE:CLASS --connect ADDRESS`` makes
-it a process that ``voidage run`` exchanges with. All quantities are in SI units, in the plane per metre of depth.
+``Simulation`` runs a scene; a fluid solver or a coupling scheme written in Python can be plugged
+into it. A solver is one class with the four methods of :class:`Solver`; ``python -m voidage.adapter
+MODULE:CLASS --connect ADDRESS`` makes it a process that ``voidage run`` exchanges with. All
+quantities are in SI units, in the plane per metre of depth.
 """
 
 try:

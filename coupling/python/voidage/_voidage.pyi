@@ -1,9 +1,9 @@
-"""The compiled part of the package. Quantities in SI units; D is 2, n counts nodes, m cells, g grains,
-q pieces of grains."""
+"""The compiled part of the package. Quantities in SI units; D is 2, n counts nodes, m cells, g
+grains, q pieces of grains."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
-from typing import Any, Protocol
+from typing import Any, Protocol, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,15 +12,16 @@ from .solver import Report, Solver
 
 __version__: str
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+_Floats = NDArray[np.float64]
+_Integers = NDArray[np.int64]
 
-class Scheme(Protocol):
-    """A coupling scheme; exists for type checkers only."""
+class _Scheme(Protocol):
+    """A coupling scheme."""
 
     def step(self, system: System, dt: float) -> object:
         """Advances the system by ``dt`` seconds; ends with ``system.accept()``."""
 
+@final
 class Simulation:
     """A scene in motion."""
 
@@ -30,9 +31,10 @@ class Simulation:
         set: Sequence[str] = ...,
         *,
         fluid: str | Solver | None = None,
-        scheme: str | Scheme | None = None,
+        scheme: str | _Scheme | None = None,
         restart: str | PathLike[str] | None = None,
         threads: int | None = None,
+        log: str | PathLike[str] | None = None,
     ) -> Simulation:
         """Loads a scene file.
 
@@ -51,6 +53,9 @@ class Simulation:
             A checkpoint of the same scene to go on from.
         threads
             Threads of this process, chosen once; results do not depend on it.
+        log
+            The file that gets the output of a solver in a process of its own; default
+            ``solver.log``.
 
         Raises
         ------
@@ -58,18 +63,21 @@ class Simulation:
             Wrong input; the text is that of the program.
         RuntimeError
             The fluid solver does not start.
+
         """
 
     def step(self) -> dict[str, Any]:
-        """One step. Returns its report: wall time of the phases in s, contacts, residuals, defects of
-        the exchange relative to what was exchanged. Raises RuntimeError if the step fails; what a
-        solver or scheme in Python raised is then the cause."""
+        """One step. Returns its report: wall time of the phases in s, contacts, residuals, defects
+        of the exchange relative to what was exchanged. Raises RuntimeError if the step fails; what
+        a solver or scheme in Python raised is then the cause."""
 
     def run(self, until: float | None = None) -> dict[str, Any]:
-        """Steps to the end of the scene or to time ``until``, s. Returns the report of the last step."""
+        """Steps to the end of the scene or to time ``until``, s. Returns the report of the last
+        step."""
 
     def checkpoint(self, path: str | PathLike[str]) -> None:
-        """Writes a checkpoint. ``Simulation(.., restart=path)`` goes on from it bit for bit."""
+        """Writes a checkpoint. ``Simulation(.., restart=path)`` and ``voidage run --restart`` go on
+        from it bit for bit."""
 
     @property
     def time(self) -> float:
@@ -91,10 +99,10 @@ class Simulation:
         """Report of the last step."""
     @property
     def grains(self) -> Columns:
-        """Columns of the grains, those that the scene has: position m, velocity m/s, force N (of the fluid) and
-        contact_force N, (g, D); radius m, mass kg, volume m3, spin rad/s, temperature K, heat_capacity J/K,
-        heat W (from the fluid) and contact_heat W, voidage, (g). In the plane per metre of depth. Position,
-        velocity, spin and temperature can be written."""
+        """Columns of the grains, those that the scene has: position m, velocity m/s, force N (of
+        the fluid) and contact_force N, (g, D); radius m, mass kg, volume m3, spin rad/s,
+        temperature K, heat_capacity J/K, heat W (from the fluid) and contact_heat W, voidage, (g).
+        In the plane per metre of depth. Position, velocity, spin and temperature can be written."""
     @property
     def fluid(self) -> Columns:
         """Accepted nodal fields: velocity m/s, (n, D); pressure Pa, temperature K, voidage, (n)."""
@@ -102,46 +110,53 @@ class Simulation:
     def mesh(self) -> Mesh | None:
         """The mesh of the fluid."""
 
+@final
 class Columns:
-    """Columns by name. Reading copies a column to a read-only array; assigning writes the whole column,
-    after a check of shape and values (ValueError). A name that is not there is a KeyError."""
+    """Columns by name. Reading copies a column to a read-only array; assigning writes the whole
+    column, after a check of shape and values (ValueError). A name that is not there is a
+    KeyError."""
 
     def keys(self) -> list[str]:
         """Names of the columns that the scene has."""
-    def __getitem__(self, name: str) -> Floats: ...
-    def __setitem__(self, name: str, value: ArrayLike) -> None: ...
-    def __contains__(self, name: str) -> bool: ...
+    def __getitem__(self, name: str, /) -> _Floats: ...
+    def __setitem__(self, name: str, value: ArrayLike, /) -> None: ...
+    def __contains__(self, name: str, /) -> bool: ...
     def __len__(self) -> int: ...
     def __iter__(self) -> Iterator[str]: ...
 
+@final
 class Mesh:
     """A mesh of triangles."""
 
-    points: Floats
+    points: _Floats
     """(n, D), m."""
-    cells: Integers
+    cells: _Integers
     """Node numbers, (m, D + 1), positively oriented."""
-    boundaries: Mapping[str, Integers]
+    boundaries: Mapping[str, _Integers]
     """Nodes of the facets of each named part, (k, D)."""
 
+@final
 class GrainState:
     """All that makes the grains what they are at one moment."""
 
+@final
 class System:
     """Grains and fluid as a scheme sees them, during one call of its ``step``."""
 
     def cut_grains(self) -> None:
         """Cuts the grains by the mesh, and computes the nodal voidage."""
     def evaluate_closures(self) -> None:
-        """Fills ``load["drag"]`` and ``load["heat_coefficient"]`` by the laws of the scene, with the fluid
-        of ``at_grains``, and the voidage at the grains."""
+        """Fills ``load["drag"]`` and ``load["heat_coefficient"]`` by the laws of the scene, with
+        the fluid of ``at_grains``, and the voidage at the grains."""
     def solve_fluid(self) -> None:
-        """Solves the fluid from its last accepted state with the load as it is. Fills ``at_grains``,
-        ``grains["force"]`` and ``grains["heat"]``. May be called many times."""
+        """Solves the fluid from its last accepted state with the load as it is. Fills
+        ``at_grains``, ``grains["force"]`` and ``grains["heat"]``. May be called many times."""
     def move_grains(self) -> None:
-        """Moves the grains by a step under ``grains["force"]`` and ``grains["heat"]``, contacts included."""
+        """Moves the grains by a step under ``grains["force"]`` and ``grains["heat"]``, contacts
+        included."""
     def accept(self) -> None:
-        """Accepts the last solution of the fluid and moves the clock: once, at the end of a step."""
+        """Accepts the last solution of the fluid and moves the clock: once, at the end of a
+        step."""
     def grain_state(self) -> GrainState:
         """The grains as they are now, to come back to."""
     def restore_grains(self, state: GrainState) -> None:
@@ -151,15 +166,16 @@ class System:
         """Columns of the grains, as those of a simulation."""
     @property
     def load(self) -> Columns:
-        """What the fluid solver gets: volume m3, drag gamma kg/s, heat_coefficient hA W/K, (g), and the laws
-        v* = velocity + mobility (drag u - volume grad p), T* = temperature + heat_mobility heat_coefficient T
-        with mobility s/kg, velocity m/s (g, D), heat_mobility K/W, temperature K. All but volume can be written."""
+        """What the fluid solver gets: volume m3, drag gamma kg/s, heat_coefficient hA W/K, (g), and
+        the laws v* = velocity + mobility (drag u - volume grad p), T* = temperature + heat_mobility
+        heat_coefficient T with mobility s/kg, velocity m/s (g, D), heat_mobility K/W, temperature
+        K. All but volume can be written."""
     @property
     def at_grains(self) -> Columns:
-        """The fluid at the grains by the last solution: velocity m/s and pressure_gradient Pa/m, (g, D);
-        temperature K, (g)."""
+        """The fluid at the grains by the last solution: velocity m/s and pressure_gradient Pa/m,
+        (g, D); temperature K, (g)."""
     @property
-    def gravity(self) -> Floats:
+    def gravity(self) -> _Floats:
         """Gravity, m/s2, (D)."""
     @property
     def time(self) -> float:
@@ -168,53 +184,61 @@ class System:
     def steps(self) -> int:
         """Steps done before this one."""
 
+@final
 class Overlap:
-    """Cuts grains by the cells of a mesh: ``points`` (n, 2), m; ``cells`` (m, 3), positively oriented."""
+    """Cuts grains by the cells of a mesh: ``points`` (n, 2), m; ``cells`` (m, 3), positively
+    oriented."""
 
     def __new__(cls, points: ArrayLike, cells: ArrayLike) -> Overlap: ...
     def cut(
         self, position: ArrayLike, radius: ArrayLike
-    ) -> tuple[Integers, Integers, Floats, Floats]:
+    ) -> tuple[_Integers, _Integers, _Floats, _Floats]:
         """Cuts grains at ``position`` (g, 2), m, of ``radius`` (g), m.
 
-        Returns first (g + 1), cell (q), shape (q, 3), share (q): grain i owns pieces first[i] to first[i + 1],
-        ``shape`` are the shape functions at the centroid of a piece, ``share`` its share of the grain's volume.
+        Returns first (g + 1), cell (q), shape (q, 3), share (q): grain i owns pieces first[i] to
+        first[i + 1], ``shape`` are the shape functions at the centroid of a piece, ``share`` its
+        share of the grain's volume.
         """
-    def voidage(self, volume: ArrayLike) -> Floats:
+    def voidage(self, volume: ArrayLike) -> _Floats:
         """Voidage at the nodes, (n), of the grains cut last, with their solid volumes (g), m3."""
 
+@final
 class Peer:
-    """The connection of a fluid solver to its run. The run asks, the solver answers each request once; while
-    it works on one, signs of life go out by themselves."""
+    """The connection of a fluid solver to its run. The run asks, the solver answers each request
+    once; while it works on one, signs of life go out by themselves."""
 
     def __new__(cls, address: str, solver: str, *, wait: float = 60.0) -> Peer:
-        """Connects to the run at ``shm:NAME`` or ``tcp:HOST:PORT``, waiting at most ``wait`` seconds.
+        """Connects to the run at ``shm:NAME`` or ``tcp:HOST:PORT``, waiting at most ``wait``
+        seconds.
 
-        ``solver`` is the name to present oneself with. Raises RuntimeError if there is no such run, ValueError if the
-        address is none.
+        ``solver`` is the name to present oneself with. Raises RuntimeError if there is no such run,
+        ValueError if the address is none.
         """
     @property
     def setup(self) -> str:
         """What the run tells once: properties, numerics and boundary conditions, as JSON."""
     def receive(self, timeout: float) -> Frame | None:
-        """Waits for a request, at most ``timeout`` seconds. Other threads go on meanwhile, and signals are
-        seen. Raises RuntimeError if the run is gone."""
+        """Waits for a request, at most ``timeout`` seconds. Other threads go on meanwhile, and
+        signals are seen. Raises RuntimeError if the run is gone."""
     def solution(self, grains: int, heat: bool) -> Answer:
-        """Memory for the answer to a step: velocity and pressure_gradient (g, D) and, with ``heat``,
-        temperature (g)."""
+        """Memory for the answer to a step: velocity and pressure_gradient (g, D) and, with
+        ``heat``, temperature (g)."""
     def fields(self, heat: bool) -> Answer:
-        """Memory for the answer to a request for fields: velocity (n, D), pressure (n) and, with ``heat``,
-        temperature (n)."""
+        """Memory for the answer to a request for fields: velocity (n, D), pressure (n) and, with
+        ``heat``, temperature (n)."""
     def send(self, answer: Answer) -> None:
-        """Sends an answer. Raises BufferError while a view of it is in use: what is sent belongs to the run."""
+        """Sends an answer. Raises BufferError while a view of it is in use: what is sent belongs to
+        the run."""
     def done(self) -> None:
         """Answers that a mesh or a state has been taken."""
     def fail(self, text: str) -> None:
         """Answers that the request cannot be fulfilled; the user will read the text."""
 
+@final
 class Frame:
-    """A request as it was received. ``frame[name]`` is a read-only view of a column where it lies in shared
-    memory; the view keeps the memory. Not more than three frames can be kept at a time."""
+    """A request as it was received. ``frame[name]`` is a read-only view of a column where it lies
+    in shared memory; the view keeps the memory. Not more than three frames can be kept at a
+    time."""
 
     @property
     def kind(self) -> str:
@@ -239,7 +263,7 @@ class Frame:
         """Conditions of a step as JSON; empty if they are those of the last."""
     def mesh(self) -> Mesh:
         """The mesh of a request of the kind ``mesh``."""
-    def fields(self) -> dict[str, Floats]:
+    def fields(self) -> dict[str, _Floats]:
         """Copies of the accepted fields of a request of the kind ``mesh`` or ``state``."""
     def pieces(self) -> tuple[Integers, Integers, Floats, Floats] | None:
         """Copies of the pieces of the grains of a step, (first, cell, shape, share) as
@@ -248,14 +272,15 @@ class Frame:
         """A copy of the nodal voidage of a step (n,); None without grains."""
     def keys(self) -> list[str]:
         """Names of the columns of a step."""
-    def __contains__(self, name: str) -> bool: ...
-    def __getitem__(self, name: str) -> Floats: ...
+    def __contains__(self, name: str, /) -> bool: ...
+    def __getitem__(self, name: str, /) -> _Floats: ...
 
+@final
 class Answer:
-    """Memory for an answer. ``answer[name] = array`` writes a column; ``answer[name]`` is a writable view of
-    it, which must be gone when the answer is sent."""
+    """Memory for an answer. ``answer[name] = array`` writes a column; ``answer[name]`` is a
+    writable view of it, which must be gone when the answer is sent."""
 
-    def __getitem__(self, name: str) -> Floats: ...
-    def __setitem__(self, name: str, value: ArrayLike) -> None: ...
+    def __getitem__(self, name: str, /) -> _Floats: ...
+    def __setitem__(self, name: str, value: ArrayLike, /) -> None: ...
     def report(self, report: Report) -> None:
         """Writes the report of a solution."""

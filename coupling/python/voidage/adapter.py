@@ -40,7 +40,7 @@ from .solver import (
 )
 
 LAST_FRAMES = 3
-"""Frames of a traceback that the user of the run sees; all of them are in the log."""
+"""Places of a traceback that the user of the run sees; all of them are in the log."""
 
 Arrays = tuple[Floats, data.Integers, Mapping[str, data.Integers]]
 """Points, cells and boundaries of a mesh."""
@@ -291,7 +291,14 @@ class Server:
 
 
 def _last_words(error: Exception) -> str:
-    return "".join(traceback.format_exception(error, limit=-LAST_FRAMES)).strip()
+    """What was raised, and the last places of the solver that it came through."""
+    places = [
+        f"    {frame.filename}:{frame.lineno} in {frame.name}: {frame.line}"
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename != __file__
+    ]
+    what = "".join(traceback.format_exception_only(error)).strip()
+    return "\n".join([what, *places[-LAST_FRAMES:]])
 
 
 def _communicator():

@@ -206,5 +206,5 @@ fn header_bytes_mut(header: &mut Header) -> &mut [u8] {
     unsafe { std::slice::from_raw_parts_mut(std::ptr::from_mut(header).cast(), HEADER_BYTES) }
 }
 
-/// 11 fields of 8 bytes and 6 of 4.
-const _: () = assert!(HEADER_BYTES == 11 * 8 + 6 * 4);
+/// 13 fields of 8 bytes and 6 of 4.
+const _: () = assert!(HEADER_BYTES == 13 * 8 + 6 * 4);
