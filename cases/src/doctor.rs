@@ -36,11 +36,11 @@ pub fn doctor() -> Result<u8> {
     }
     let system = Path::new(SYSTEM_PYTHON);
     let dolfinx = "apt-get install --no-install-recommends python3-dolfinx".to_owned();
-    python_solver("fenicsx", system, &[("dolfinx", dolfinx), package(system)]);
+    python_solver("fenicsx", system, &[("dolfinx", dolfinx), package()]);
     let other = interpreter();
     let scikit = format!("{} -m pip install scikit-fem", other.display());
-    python_solver("scikit-fem", &other, &[("skfem", scikit), package(&other)]);
-    python_solver("python", &other, &[package(&other)]);
+    python_solver("scikit-fem", &other, &[("skfem", scikit), package()]);
+    python_solver("python", &other, &[package()]);
     let probe = Path::new(".voidage-doctor");
     let writable = write_whole(probe, |file| file.write_all(&[0; 4096]));
     // What cannot be removed was not written either; the line below says so.
@@ -74,8 +74,8 @@ fn has_module(interpreter: &Path, module: &str) -> bool {
 }
 
 /// The package of this project, and what installs it.
-fn package(interpreter: &Path) -> (&'static str, String) {
-    ("voidage", format!("{} -m pip install ./coupling/python", interpreter.display()))
+fn package() -> (&'static str, String) {
+    ("voidage", "tests/python-setup".to_owned())
 }
 
 /// Bytes of memory that are free, where the system tells.

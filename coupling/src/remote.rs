@@ -112,7 +112,11 @@ impl<const D: usize> RemoteFluid<D> {
 
     /// What the user reads: who, what, and what the solver's log says last.
     fn explain(&mut self, error: PeerError) -> Error {
-        let log = self.process.as_mut().map_or(String::new(), |process| process.last_words(&error));
+        let log = match (&error, &mut self.process) {
+            // What a solver says of itself needs no log.
+            (PeerError::Failed(_), _) | (_, None) => String::new(),
+            (_, Some(process)) => process.last_words(&error),
+        };
         let text = error.to_string();
         let (what, help) = text.split_at(text.find("\n  help: ").unwrap_or(text.len()));
         Error::Run(format!("fluid solver {}: {what}{log}{help}", self.name))

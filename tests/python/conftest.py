@@ -2,13 +2,16 @@
 
 import importlib
 import itertools
+import os
+import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "coupling" / "python"))
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "coupling" / "python"))
 
 from voidage.cells import Cells
 from voidage.solver import Fields, GrainHeat, Grains, Pieces, Problem
@@ -104,6 +107,16 @@ def solver(request):
     module, name, options = SOLVERS[request.param]
     pytest.importorskip("skfem" if "scikit" in module else "dolfinx")
     return getattr(importlib.import_module(module), name)(**options)
+
+
+@pytest.fixture(scope="session")
+def program():
+    """The program voidage: that of VOIDAGE_PROGRAM, or built here."""
+    if "VOIDAGE_PROGRAM" in os.environ:
+        return os.environ["VOIDAGE_PROGRAM"]
+    command = ["cargo", "build", "-q", "--release", "--locked", "-p", "voidage"]
+    subprocess.run(command, cwd=ROOT, check=True)
+    return ROOT / "target" / "release" / "voidage"
 
 
 @pytest.fixture

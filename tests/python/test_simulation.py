@@ -1,6 +1,5 @@
 """Simulations driven from Python: the same as the program, state that can be read and written."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,16 +15,6 @@ BED = ROOT / "tests" / "cases" / "bed.toml"
 @pytest.fixture
 def bed():
     return voidage.Simulation(BED)
-
-
-@pytest.fixture(scope="session")
-def program():
-    """The program voidage: that of VOIDAGE_PROGRAM, or built here."""
-    if "VOIDAGE_PROGRAM" in os.environ:
-        return os.environ["VOIDAGE_PROGRAM"]
-    command = ["cargo", "build", "-q", "--release", "--locked", "-p", "voidage"]
-    subprocess.run(command, cwd=ROOT, check=True)
-    return ROOT / "target" / "release" / "voidage"
 
 
 OF_THE_LAST_STEP = {"force", "heat", "voidage"}  # which a checkpoint does not hold
