@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 import voidage
-from test_simulation import BED, OF_THE_LAST_STEP, ROOT, assert_same, program  # noqa: F401
+from test_simulation import BED, OF_THE_LAST_STEP, ROOT, assert_same
 from voidage import adapter
 from voidage.dummy import Dummy
 
@@ -233,7 +233,7 @@ def test_waiting_lets_other_threads_go_on_and_sees_signals():
     assert next(counter) > 1000
 
 
-def test_the_process_of_a_solver(program, tmp_path):  # noqa: F811
+def test_the_process_of_a_solver(program, tmp_path):
     """`voidage run --fluid attach:..` and `python -m voidage.adapter` with a file and an option."""
     (tmp_path / "mine.py").write_text(
         "from voidage.dummy import Dummy\n\n"
@@ -254,7 +254,7 @@ def test_the_process_of_a_solver(program, tmp_path):  # noqa: F811
     assert_same(there, here, OF_THE_LAST_STEP)
 
 
-def test_a_run_that_is_killed_ends_the_solver(address, program, tmp_path):  # noqa: F811
+def test_a_run_that_is_killed_ends_the_solver(address, program, tmp_path):
     (tmp_path / "slow.py").write_text(
         "import time\n"
         "from voidage.dummy import Dummy\n\n"

@@ -1,5 +1,6 @@
 """Simulations driven from Python: the same as the program, state that can be read and written."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path

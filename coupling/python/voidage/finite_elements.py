@@ -11,6 +11,10 @@ from .cells import Cells, Stabilisation, stabilisation_time
 from .pieces import PieceSums
 from .solver import AtGrains, Fields, Floats, Problem, Report, Solver, Step
 
+NEARLY_SINGULAR = 1e-6
+"""Relative residual that a direct solver leaves of no other systems, whatever the tolerance asked
+for: where large terms cancel, rounding errors are large beside the right-hand side."""
+
 
 @dataclass(frozen=True)
 class FlowData:

@@ -141,7 +141,7 @@ class Problem:
     newton: int = 1
     """Newton steps of the convection per time step."""
     tolerance: float = 1e-8
-    """Relative residual of the linear systems."""
+    """Relative residual of the linear systems, for solvers that iterate."""
     drag_in_stabilisation: bool = False
     """Whether the drag of the grains enters the stabilisation time."""
 
