@@ -106,6 +106,8 @@ pub struct FluidReport<const D: usize> {
     pub force: Vector<D>,
     /// Heat that the fluid lost to the grains, summed over the pieces by the fluid, W.
     pub heat: f64,
+    /// Wall time that frames took to and from a solver in another process, s.
+    pub transport_s: f64,
 }
 
 /// A fluid solver. `solve` always starts from the last accepted state: schemes may call it many times.
@@ -187,13 +189,13 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
         let (dt, conditions) = (step.dt, step.conditions);
         let Some(Immersed { load, .. }) = step.grains else {
             let solver = flow.solve(dt, &self.clear, None, conditions)?;
-            return Ok(FluidReport { solver, force: Vector::zeros(), heat: 0.0 });
+            return Ok(FluidReport { solver, force: Vector::zeros(), heat: 0.0, transport_s: 0.0 });
         };
         let exchange = load.exchange();
         let solver = flow.solve(dt, &load.voidage, Some(&exchange), conditions)?;
         flow.sample(&load.pieces, out);
         let (force, heat) = flow.exchanged(&exchange);
-        Ok(FluidReport { solver, force, heat })
+        Ok(FluidReport { solver, force, heat, transport_s: 0.0 })
     }
 
     fn accept(&mut self) {

@@ -47,21 +47,24 @@ pub struct Phases {
     pub energy: f64,
     /// Momentum and mass of the fluid.
     pub flow: f64,
-    /// What a step of the fluid solver takes beyond its equations: sampling at the grains, exchange.
+    /// What a step of the fluid solver takes beyond its equations: sampling at the grains, sums of the exchange.
     pub exchange: f64,
+    /// Frames to and from a fluid solver in another process.
+    pub transport: f64,
     /// Contacts and motion of the grains.
     pub contacts: f64,
 }
 
 impl Phases {
     /// The phases by name.
-    pub fn named(&self) -> [(&'static str, f64); 6] {
+    pub fn named(&self) -> [(&'static str, f64); 7] {
         [
             ("overlap", self.overlap),
             ("closure", self.closure),
             ("energy", self.energy),
             ("flow", self.flow),
             ("exchange", self.exchange),
+            ("transport", self.transport),
             ("contacts", self.contacts),
         ]
     }
@@ -73,6 +76,7 @@ impl Phases {
         self.energy += other.energy;
         self.flow += other.flow;
         self.exchange += other.exchange;
+        self.transport += other.transport;
         self.contacts += other.contacts;
     }
 }
@@ -311,7 +315,9 @@ impl<const D: usize> Coupled<D> {
         let solved = fluid.backend.solve(&step, at)?;
         report.phases.energy += solved.solver.heat_s;
         report.phases.flow += solved.solver.flow_s;
-        report.phases.exchange += start.elapsed().as_secs_f64() - solved.solver.heat_s - solved.solver.flow_s;
+        report.phases.transport += solved.transport_s;
+        let known = solved.solver.heat_s + solved.solver.flow_s + solved.transport_s;
+        report.phases.exchange += start.elapsed().as_secs_f64() - known;
         report.fluid = Some(solved.solver);
         if let Some(interaction) = &mut self.interaction {
             interaction.balance(&solved, report);

@@ -20,6 +20,8 @@ pub struct Peer {
     run: u64,
     /// Header of the request in hand, which the answer repeats.
     request: Header,
+    /// When it came.
+    arrived: Instant,
 }
 
 impl Peer {
@@ -31,7 +33,7 @@ impl Peer {
     pub fn connect(address: &Address, solver: &str, wait: Duration) -> Result<(Self, String), PeerError> {
         let channel = transport::connect(address, wait)?;
         let heart = Heart::start(channel.pulse());
-        let mut peer = Self { channel, heart, run: 0, request: Header::default() };
+        let mut peer = Self { channel, heart, run: 0, request: Header::default(), arrived: Instant::now() };
         let greeting = serde_json::json!(Greeting::new(solver)).to_string();
         peer.answer_text(Kind::Hello, &greeting)?;
         let setup = transport::receive(&mut *peer.channel, wait.max(LOOK), || Ok(()))?;
@@ -57,6 +59,7 @@ impl Peer {
                 }
                 Event::Frame(frame) => {
                     self.request = *frame.header();
+                    self.arrived = Instant::now();
                     self.heart.beat(true);
                     return Ok(Some(*frame));
                 }
@@ -80,7 +83,8 @@ impl Peer {
     /// The run is gone.
     pub fn answer(&mut self, header: &Header, payload: Loan) -> Result<(), PeerError> {
         self.heart.beat(false);
-        let Header { generation, step, iteration, time, dt, .. } = self.request;
+        let Header { generation, step, iteration, time, .. } = self.request;
+        let dt = self.arrived.elapsed().as_secs_f64();
         let header = Header { run: self.run, generation, step, iteration, time, dt, ..*header };
         self.channel.send(&header, payload)
     }

@@ -9,7 +9,7 @@ use crate::protocol::{
 };
 use crate::transport::{self, Channel, Frame};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use voidage_fluid::Mesh;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::exchange::AtBodies;
@@ -150,13 +150,16 @@ impl<const D: usize> RemoteFluid<D> {
         let again = self.last.step == step.number && !self.accepted;
         self.last.iteration = if again { self.last.iteration + 1 } else { 0 };
         self.last.step = step.number;
+        let start = Instant::now();
         let message = StepMessage::new(step, text);
         let header = message.header(self.accepted, self.last.iteration);
         self.accepted = false;
         let answer = self.ask(header, |payload| message.write(payload), Kind::Solution)?;
         let grains = step.grains.map_or(0, |grains| grains.position.len());
         let heat = step.grains.is_some_and(|grains| grains.load.heat.is_some());
-        read_solution(answer.header(), answer.payload(), (grains, heat), out)
+        let mut report = read_solution(answer.header(), answer.payload(), (grains, heat), out)?;
+        report.transport_s = (start.elapsed().as_secs_f64() - answer.header().dt).max(0.0);
+        Ok(report)
     }
 
     fn ask_for_fields(&mut self) -> Result<State<D>, PeerError> {

@@ -1,6 +1,7 @@
 """The same states through Rust, FEniCSx and scikit-fem, each in a process of its own."""
 
 import csv
+import os
 import subprocess
 from pathlib import Path
 
@@ -37,6 +38,25 @@ def test_solvers_agree_to_round_off(program, tmp_path, scene, at):
     assert done.returncode == 0, done.stdout + done.stderr
     assert {row["fluid"] for row in rows} == {"fenicsx", "scikit-fem"}
     assert {row["step"] for row in rows} == set(at.split(","))
+    assert max(float(row["relative_max_difference"]) for row in rows) < 1e-9
+
+
+def test_fenicsx_on_two_ranks_over_tcp(program, tmp_path):
+    address = f"tcp:127.0.0.1:{20000 + os.getpid() % 20000}"
+    ranks = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2"]
+    solver = [*ranks, "/usr/bin/python3", "-m", "voidage.fenicsx", "--connect", address]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "coupling" / "python")}
+    log = tmp_path / "solver.log"
+    with open(log, "w") as file:
+        process = subprocess.Popen(solver, env=environment, stdout=file, stderr=file)
+    fluids = ("--fluids", f"rust,attach:{address}", "--at", "1,3", "--steps", "0")
+    bed = ROOT / "tests" / "cases" / "bed.toml"
+    try:
+        done, rows = compare(program, bed, tmp_path / "out", *fluids)
+        assert process.wait(20) == 0, log.read_text()
+    finally:
+        process.kill()
+    assert done.returncode == 0, done.stdout + done.stderr
     assert max(float(row["relative_max_difference"]) for row in rows) < 1e-9
 
 

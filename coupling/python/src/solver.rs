@@ -169,7 +169,7 @@ pub fn read_report(report: &Bound<'_, PyAny>) -> PyResult<FluidReport<2>> {
         flow_s: number("flow_s")?,
         ..Report::default()
     };
-    Ok(FluidReport { solver, force: read_force(report)?, heat: number("heat")? })
+    Ok(FluidReport { solver, force: read_force(report)?, heat: number("heat")?, transport_s: 0.0 })
 }
 
 /// The force on all grains; not a number where the solver does not sum it.

@@ -70,7 +70,7 @@ pub struct Header {
     pub mask: u32,
     /// Time at the start of the step, s.
     pub time: f64,
-    /// Length of the step, s.
+    /// Length of the step; in an answer the wall time that the fluid took for it, s.
     pub dt: f64,
     /// Rows of the columns: grains, or nodes of the mesh.
     pub rows: u64,

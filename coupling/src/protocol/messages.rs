@@ -233,5 +233,5 @@ pub fn read_solution<const D: usize>(
         flow_s: numbers[5],
     };
     let force = Vector::from_column_slice(&numbers[REPORT..]);
-    Ok(FluidReport { solver, force, heat: numbers[6] })
+    Ok(FluidReport { solver, force, heat: numbers[6], transport_s: 0.0 })
 }

@@ -107,7 +107,7 @@ fn solution() -> (AtBodies<2>, FluidReport<2>) {
     let at = AtBodies { velocity: vectors.clone(), pressure_gradient: vectors, temperature: vec![300.0; 4] };
     let solver =
         Report { flow_iterations: 7, residual: 1e-9, factored: true, flow_s: 0.2, ..Report::default() };
-    (at, FluidReport { solver, force: Vector::<2>::new(1.0, 2.0), heat: 3.0 })
+    (at, FluidReport { solver, force: Vector::<2>::new(1.0, 2.0), heat: 3.0, transport_s: 0.0 })
 }
 
 #[test]
