@@ -203,10 +203,22 @@ fn an_interrupt_writes_a_checkpoint_and_ends_cleanly() {
     assert!(series.windows(2).all(|pair| pair[1][0] > pair[0][0]), "times of the series do not grow");
 }
 
-/// A limit on the size of files stands for a full disk: writes fail in the middle of a file.
+/// What a run wrote before it failed can be read.
+fn check_what_is_left(said: &str, code: Option<i32>, out: &Path) {
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("out/") && said.contains("cannot write"), "{said}");
+    voidage().current_dir(out).args(["check", "scene.toml"]).assert().success();
+    rows(&out.join("series.csv"));
+    for entry in fs::read_dir(out.join("frames")).unwrap() {
+        let text = fs::read(entry.unwrap().path()).unwrap();
+        assert!(text.ends_with(b"</VTKFile>\n"), "half a frame is left");
+    }
+}
+
+/// Writes fail in the middle of a file.
 #[cfg(unix)]
 #[test]
-fn a_full_disk_ends_with_a_message_and_leaves_what_was_written() {
+fn a_limit_on_files_ends_with_a_message_and_leaves_what_was_written() {
     let folder = folder();
     let command = format!(
         "trap '' XFSZ; ulimit -f 8; exec {} run scene.toml --quiet --out out --threads 1",
@@ -214,13 +226,23 @@ fn a_full_disk_ends_with_a_message_and_leaves_what_was_written() {
     );
     let output = Command::new("bash").current_dir(folder.path()).args(["-c", &command]).output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("out/") && said.contains("cannot write"), "{said}");
-    let out = folder.path().join("out");
-    voidage().current_dir(&out).args(["check", "scene.toml"]).assert().success();
-    rows(&out.join("series.csv"));
-    for entry in fs::read_dir(out.join("frames")).unwrap() {
-        let text = fs::read(entry.unwrap().path()).unwrap();
-        assert!(text.ends_with(b"</VTKFile>\n"), "half a frame is left");
+    check_what_is_left(&said, output.status.code(), &folder.path().join("out"));
+}
+
+/// A disk of its own, which the run fills.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_ends_with_a_message_and_leaves_what_was_written() {
+    let folder = folder();
+    let script = "mkdir disk && mount -t tmpfs -o size=160k tmpfs disk || exit 77
+        \"$0\" run scene.toml --quiet --out disk/out --threads 1; code=$?
+        cp -r disk/out kept; exit $code";
+    let arguments = ["-m", "sh", "-c", script, env!("CARGO_BIN_EXE_voidage")];
+    let output = Command::new("unshare").current_dir(folder.path()).args(arguments).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    if said.contains("unshare:") || output.status.code() == Some(77) {
+        eprintln!("no right to mount here, the limit on files has to do: {said}");
+        return;
     }
+    check_what_is_left(&said, output.status.code(), &folder.path().join("kept"));
 }

@@ -180,7 +180,11 @@ impl Canvas {
         let mut backend = BitMapBackend::new(&beside, size);
         let drawn = backend.blit_bitmap((0, 0), size, &small).and_then(|()| backend.present());
         drop(backend);
-        drawn.map_err(|error| failed(path, &error))?;
+        if let Err(error) = drawn {
+            // Half a picture is of no use; if it cannot be removed either, the error says enough.
+            let _ = fs::remove_file(&beside);
+            return Err(failed(path, &error));
+        }
         fs::rename(&beside, path).map_err(|error| Error::file(path, "write", error))
     }
 }

@@ -41,10 +41,10 @@ fn load(grains: usize) -> GrainLoad<2> {
         velocity: column(4.0).into_iter().map(|x| Vector::<2>::new(x, -x)).collect(),
         heat: Some(HeatLoad { coefficient: column(5.0), mobility: column(6.0), temperature: column(7.0) }),
         pieces: Pieces {
-            first: (0..=count as u32).collect(),
-            cell: (0..count as u32).map(|i| i % 3).collect(),
-            coordinate: vec![Vector::<2>::new(0.25, 0.5); count],
-            share: vec![1.0; count],
+            first: (0..=grains as u32).collect(),
+            cell: (0..grains as u32).map(|i| i % 3).collect(),
+            coordinate: vec![Vector::<2>::new(0.25, 0.5); grains],
+            share: vec![1.0; grains],
         },
         voidage: vec![0.5; 4],
     }
