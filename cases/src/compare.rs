@@ -232,10 +232,11 @@ fn write_rows(path: &Path, step: f64, findings: &[Finding]) -> Result<()> {
 
 fn print_table(title: &str, first: &str, findings: &[Finding]) {
     println!("{title}: differences from {first}, relative");
-    println!("{:>8}  {:<14}{:<20}{:>10}{:>10}", "step", "fluid", "quantity", "L2", "largest");
-    for finding in findings {
-        for Difference { quantity, l2, max } in &finding.differences {
-            println!("{:>8}  {:<14}{quantity:<20}{l2:>10.1e}{max:>10.1e}", finding.step, finding.solver);
+    let width = findings.iter().map(|finding| finding.solver.len()).max().unwrap_or(0).max(5);
+    println!("{:>8}  {:<width$}  {:<18}{:>10}{:>10}", "step", "fluid", "quantity", "L2", "largest");
+    for Finding { step, solver, differences } in findings {
+        for Difference { quantity, l2, max } in differences {
+            println!("{step:>8}  {solver:<width$}  {quantity:<18}{l2:>10.1e}{max:>10.1e}");
         }
     }
 }
