@@ -17,6 +17,10 @@ use std::sync::Arc;
 /// four in single precision, more only when the matrix is nearly singular.
 const REFINEMENTS: usize = 20;
 
+/// Where terms cancel, rounding errors are large beside the right-hand side; where they leave more than this relative
+/// residual, the solution is so large that the matrix must be singular or nearly so.
+const NEARLY_SINGULAR: f64 = 1e-6;
+
 /// Pieces that the dissection does not cut further, in unknowns.
 const LEAF: usize = 36;
 
@@ -130,8 +134,9 @@ impl<const B: usize> Solver<B> {
             if report.residual <= self.options.tolerance {
                 return Ok(report);
             }
-            let as_good_as_can_be =
-                attempt != Attempt::Kept && report.residual <= self.norm.round_off(matrix, rhs, x);
+            let as_good_as_can_be = attempt != Attempt::Kept
+                && report.residual <= NEARLY_SINGULAR
+                && report.residual <= self.norm.round_off(matrix, rhs, x);
             if as_good_as_can_be {
                 return Ok(report);
             }
