@@ -43,7 +43,7 @@ pub struct Solver<const B: usize> {
 }
 
 /// How soon kept factors went stale: where the matrix changes too much from one system to the next, trying
-/// the old ones wastes iterations, so the next tries come after 1, 2, 4 .. systems.
+/// the old ones wastes iterations, so the next tries come after 4, 16, 32, 32 .. systems.
 #[derive(Clone, Copy, Debug, Default)]
 struct Staleness {
     /// Systems to solve with new factors before the old ones are tried again.
@@ -203,7 +203,7 @@ impl Staleness {
         match attempt {
             Attempt::Kept if solved => self.last = 0,
             Attempt::Kept => {
-                self.last = (2 * self.last).clamp(1, LONGEST_PAUSE);
+                self.last = (4 * self.last).clamp(4, LONGEST_PAUSE);
                 // The system at hand is solved with new factors as well.
                 self.pause = self.last + 1;
             }

@@ -66,7 +66,7 @@ const FORK_PART: f64 = 1.0 / 32.0;
 /// A child is merged into its parent only if it has at most this number of pivots, in scalars ..
 const MERGE_PIVOTS: usize = 32;
 /// .. and if all merges together add at most this part to the entries of the front.
-const MERGE_FILL: f64 = 0.15;
+const MERGE_FILL: f64 = 0.3;
 
 impl Symbolic {
     /// Analyses a pattern in the order of a dissection, for blocks of `block` unknowns.
