@@ -41,6 +41,13 @@ def test_solvers_agree_to_round_off(program, tmp_path, scene, at):
     assert max(float(row["relative_max_difference"]) for row in rows) < 1e-9
 
 
+def test_lumped_heat_is_the_same_in_all_solvers(program, tmp_path):
+    bed = ROOT / "tests" / "cases" / "bed.toml"
+    options = ("--set", "fluid.heat.lumped=true", "--at", "1,20", "--steps", "0")
+    done, _ = compare(program, bed, tmp_path / "out", *options)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_fenicsx_on_two_ranks_over_tcp(program, tmp_path):
     address = f"tcp:127.0.0.1:{20000 + os.getpid() % 20000}"
     ranks = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2"]

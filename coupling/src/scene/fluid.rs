@@ -68,13 +68,9 @@ pub struct FluidHeat {
     /// Temperature at the start, K.
     pub initial_temperature: f64,
     /// Whether storage and exchange of heat are summed into the diagonal, so that temperatures stay between those of
-    /// grains, walls and inflow where the exchange is strong; `false` is the consistent form of Henry et al. Default true.
-    #[serde(default = "yes")]
+    /// grains, walls and inflow where the exchange is strong. Default false: the consistent form of Henry et al.
+    #[serde(default)]
     pub lumped: bool,
-}
-
-fn yes() -> bool {
-    true
 }
 
 /// Front and rear walls of a thin cell, averaged over its thickness.
