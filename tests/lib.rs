@@ -5,6 +5,7 @@ use std::sync::Arc;
 use voidage_coupling::backend::{FluidBackend, FluidStep, RustFluid};
 use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws};
 use voidage_dem::{Dem, Material, Particles, Settings};
 use voidage_fluid::Mesh;
@@ -117,7 +118,7 @@ impl FluidSet {
             temperature: vec![0.0; if laws.thermal.is_some() { count } else { 0 }],
         };
         let interaction = Interaction::new(laws, &fluid.mesh, &grains, at).expect("a valid mesh");
-        Coupled::new(Some(grains), Some(fluid), Some(interaction), scheme.build())
+        Coupled::new(Some(grains), Some(fluid), Some(interaction), scheme.build(&Iteration::default()))
     }
 
     /// Dallavalle's drag and the laws of Ranz and Marshall without correction for neighbours.

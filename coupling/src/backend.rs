@@ -3,7 +3,7 @@
 use crate::error::Result;
 use std::sync::Arc;
 use voidage_fluid::conditions::Condition;
-use voidage_fluid::exchange::{AtBodies, Exchange, HeatExchange, Pieces};
+use voidage_fluid::exchange::{AtBodies, Exchange, HeatExchange, Pieces, VelocityLaw};
 use voidage_fluid::flow::{HeatProperties, Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::{Flow, Mesh, Vector};
@@ -24,8 +24,19 @@ pub struct GrainLoad<const D: usize> {
     pub mobility: Vec<f64>,
     /// Constant part b of the velocity law, m/s.
     pub velocity: Vec<Vector<D>>,
+    /// The law of the solid flux in the equation of mass; absent where it is the same.
+    pub continuity: Option<Law<D>>,
     /// The same for heat; absent unless grains and fluid both have a temperature.
     pub heat: Option<HeatLoad>,
+}
+
+/// A law of velocity, v* = velocity + mobility (drag u - volume grad p).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Law<const D: usize> {
+    /// Mobility a, s/kg.
+    pub mobility: Vec<f64>,
+    /// Constant part b, m/s.
+    pub velocity: Vec<Vector<D>>,
 }
 
 /// Heat columns of the load: T* = temperature + mobility (coefficient T).
@@ -40,10 +51,19 @@ pub struct HeatLoad {
 }
 
 impl HeatLoad {
+    /// The temperature T* of grain `i` by the affine law, K.
+    pub fn expected<const D: usize>(&self, at: &AtBodies<D>, i: usize) -> f64 {
+        self.temperature[i] + self.mobility[i] * self.coefficient[i] * at.temperature[i]
+    }
+
+    /// What T* must be lower by for the fluid to give the heat `carried` (J) within `dt`, K.
+    pub fn owed(&self, carried: f64, dt: f64, i: usize) -> f64 {
+        if self.coefficient[i] > 0.0 { carried / (self.coefficient[i] * dt) } else { 0.0 }
+    }
+
     /// Heat from the fluid to grain `i`, W: hA (T - T*) with the affine law T*.
     pub fn heat<const D: usize>(&self, at: &AtBodies<D>, i: usize) -> f64 {
-        let taken = self.coefficient[i] * at.temperature[i];
-        taken - self.coefficient[i] * (self.temperature[i] + self.mobility[i] * taken)
+        self.coefficient[i] * (at.temperature[i] - self.expected(at, i))
     }
 }
 
@@ -74,11 +94,28 @@ pub struct FluidStep<'a, const D: usize> {
 }
 
 impl<const D: usize> GrainLoad<D> {
+    /// What the fluid pushes grain `i` with at rest, N: f = gamma u - V grad p.
+    pub fn push(&self, at: &AtBodies<D>, i: usize) -> Vector<D> {
+        at.velocity[i] * self.drag[i] - at.pressure_gradient[i] * self.volume[i]
+    }
+
+    /// The velocity v* of grain `i` by the affine law of momentum, m/s.
+    pub fn expected(&self, at: &AtBodies<D>, i: usize) -> Vector<D> {
+        self.velocity[i] + self.push(at, i) * self.mobility[i]
+    }
+
+    /// The velocity of grain `i` by the law of the solid flux, m/s.
+    pub fn expected_in_flux(&self, at: &AtBodies<D>, i: usize) -> Vector<D> {
+        match &self.continuity {
+            Some(law) => law.velocity[i] + self.push(at, i) * law.mobility[i],
+            None => self.expected(at, i),
+        }
+    }
+
     /// Force of the fluid on grain `i`, N: -V grad p + gamma (u - v*) with the affine law v*.
     pub fn force(&self, at: &AtBodies<D>, i: usize) -> Vector<D> {
-        let pressure = at.pressure_gradient[i] * self.volume[i];
-        let law = self.velocity[i] + (at.velocity[i] * self.drag[i] - pressure) * self.mobility[i];
-        (at.velocity[i] - law) * self.drag[i] - pressure
+        let slip = at.velocity[i] - self.expected(at, i);
+        slip * self.drag[i] - at.pressure_gradient[i] * self.volume[i]
     }
 
     fn exchange(&self) -> Exchange<'_, D> {
@@ -88,6 +125,10 @@ impl<const D: usize> GrainLoad<D> {
             drag: &self.drag,
             mobility: &self.mobility,
             velocity: &self.velocity,
+            continuity: self
+                .continuity
+                .as_ref()
+                .map(|law| VelocityLaw { mobility: &law.mobility, velocity: &law.velocity }),
             heat: self.heat.as_ref().map(|heat| HeatExchange {
                 coefficient: &heat.coefficient,
                 mobility: &heat.mobility,

@@ -38,7 +38,7 @@ pub fn coupled(scene: &Scene, host: &Host) -> Result<Coupled<2>> {
         }
         _ => None,
     };
-    Ok(Coupled::new(grains, fluid, interaction, coupling.scheme.build()))
+    Ok(Coupled::new(grains, fluid, interaction, coupling.scheme.build(&coupling.iteration)))
 }
 
 fn interaction(

@@ -3,6 +3,7 @@
 //! [`Coupled`] holds what a scene has - grains, fluid, both - and advances it through a [`scheme`]. The seam
 //! is one affine closure ([`backend::GrainLoad`]) that every scheme fills and every fluid solver understands.
 
+mod agreement;
 pub mod backend;
 pub mod build;
 pub mod closure;
@@ -20,6 +21,7 @@ pub mod serve;
 pub mod simulation;
 pub mod transport;
 
+pub use agreement::{Agreement, Carried};
 pub use error::{Error, PeerError, Result};
 pub use scene::Scene;
 pub use simulation::Simulation;
@@ -96,6 +98,8 @@ pub struct StepReport {
     pub energy_exchange_defect: Option<f64>,
     /// Solid volume on the mesh against the grains', relative; with both only.
     pub solid_volume_defect: Option<f64>,
+    /// How far the grains are from what the fluid expected; with both only.
+    pub agreement: Option<Agreement>,
 }
 
 impl StepReport {
@@ -151,6 +155,8 @@ pub struct Interaction<const D: usize> {
     pub force: Vec<Vector<D>>,
     /// Heat from the fluid to each grain in the last step, W; empty without heat.
     pub heat: Vec<f64>,
+    /// What the fluid still has to give; absent with schemes that move the grains by the force of the law.
+    pub carried: Option<Carried<D>>,
     overlap: Overlap<D>,
 }
 
@@ -191,7 +197,7 @@ impl<const D: usize> Interaction<D> {
         }
         let force = vec![Vector::zeros(); count];
         let overlap = Overlap::new(mesh)?;
-        Ok(Self { laws, load, at, voidage: vec![1.0; count], force, heat, overlap })
+        Ok(Self { laws, load, at, voidage: vec![1.0; count], force, heat, carried: None, overlap })
     }
 }
 
@@ -337,12 +343,17 @@ impl<const D: usize> Coupled<D> {
         report.phases.contacts += start.elapsed().as_secs_f64();
     }
 
-    /// Makes the solution of the fluid the accepted one and moves the clock.
+    /// Makes the solution of the fluid the accepted one and moves the clock: the end of a step.
     pub fn accept(&mut self, dt: f64) {
+        self.accept_part(dt);
+        self.steps += 1;
+    }
+
+    /// The same for a part of a step that goes on.
+    pub fn accept_part(&mut self, dt: f64) {
         if let Some(fluid) = &mut self.fluid {
             fluid.backend.accept();
         }
-        self.steps += 1;
         self.time += dt;
     }
 }

@@ -1,7 +1,9 @@
 //! The simulation: state, and one step.
 
+use crate::bonds::Bonds;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
+use crate::mark::Mark;
 use crate::memory::{Memory, WALL};
 use crate::scene::Scene;
 use crate::search::Search;
@@ -24,6 +26,9 @@ pub struct Dem<const D: usize> {
     contact_heat: Vec<f64>,
     wall_force: Vec<Vector<D>>,
     wall_heat: Vec<f64>,
+    mean_velocity: Vec<Vector<D>>,
+    mean_temperature: Vec<f64>,
+    mark: Mark<D>,
     placed: Vec<Placed<D>>,
     search: Search<D>,
     problem: Problem<D>,
@@ -103,6 +108,9 @@ impl<const D: usize> Dem<D> {
             contact_heat: vec![0.0; if heat { n } else { 0 }],
             wall_force: vec![Vector::zeros(); walls.len()],
             wall_heat: vec![0.0; if heat { walls.len() } else { 0 }],
+            mean_velocity: vec![],
+            mean_temperature: vec![],
+            mark: Mark::default(),
             particles,
             walls,
             materials,
@@ -123,7 +131,9 @@ impl<const D: usize> Dem<D> {
     /// If a column of the load has neither no entry nor one per grain, or `dt` is not positive: both are errors of the caller.
     pub fn step(&mut self, dt: f64, load: &Load<'_, D>) -> StepReport {
         let n = self.particles.len();
-        for len in [load.force.len(), load.drag.len(), load.heat.len(), load.cohesive.len()] {
+        let columns =
+            [load.force.len(), load.drag.len(), load.heat.len(), load.transfer.len(), load.cohesive.len()];
+        for len in columns {
             assert!(len == 0 || len == n, "a column of the load has {len} entries for {n} grains");
         }
         assert!(dt > 0.0 && dt.is_finite(), "the step is {dt} s");
@@ -131,6 +141,10 @@ impl<const D: usize> Dem<D> {
         self.contact_heat.fill(0.0);
         self.wall_force.fill(Vector::zeros());
         self.wall_heat.fill(0.0);
+        self.mean_velocity.clear();
+        self.mean_velocity.resize(load.drag.len(), Vector::zeros());
+        self.mean_temperature.clear();
+        self.mean_temperature.resize(load.transfer.len(), 0.0);
         let mut report = StepReport { converged: true, ..StepReport::default() };
         let (start, mut left) = (self.time, dt);
         loop {
@@ -146,6 +160,8 @@ impl<const D: usize> Dem<D> {
         self.time = start + dt;
         self.contact_force.iter_mut().chain(&mut self.wall_force).for_each(|f| *f /= dt);
         self.contact_heat.iter_mut().chain(&mut self.wall_heat).for_each(|q| *q /= dt);
+        self.mean_velocity.iter_mut().for_each(|v| *v /= dt);
+        self.mean_temperature.iter_mut().for_each(|t| *t /= dt);
         report.wall_heat = self.wall_heat.iter().sum();
         report
     }
@@ -161,25 +177,25 @@ impl<const D: usize> Dem<D> {
     /// Heat from outside and through contacts, with the forces of this sub-step.
     fn exchange_heat(&mut self, h: f64, load: &Load<'_, D>, report: &mut StepReport) {
         let Some(mut heat) = self.particles.heat.take() else { return };
+        let mut conductor = std::mem::take(&mut self.conductor);
+        let scene = self.scene(h, load);
         if let Some(law) = self.settings.conduction {
-            let mut conductor = std::mem::take(&mut self.conductor);
-            let scene = self.scene(h, load);
             conductor.link(law, &scene, self.search.forces(&self.problem, h));
-            let outcome = conductor.solve(&scene, &heat.temperature, &heat.capacity);
+            let outcome = conductor.solve(&scene, &heat);
             report.heat_iterations += outcome.iterations;
             report.converged &= outcome.converged;
-            for (i, q) in conductor.into_grain.iter().enumerate() {
-                heat.temperature[i] += q * h / heat.capacity[i];
-                self.contact_heat[i] += q * h;
-            }
-            for (sum, q) in self.wall_heat.iter_mut().zip(&conductor.out_of_wall) {
-                *sum += q * h;
-            }
-            self.conductor = conductor;
         }
-        for (i, q) in load.heat.iter().enumerate() {
-            heat.temperature[i] += q * h / heat.capacity[i];
+        for i in 0..heat.temperature.len() {
+            heat.temperature[i] = scene.warmed(i, &heat, conductor.into_grain.get(i).copied().unwrap_or(0.0));
         }
+        let sums = self.contact_heat.iter_mut().zip(&conductor.into_grain);
+        for (sum, q) in sums.chain(self.wall_heat.iter_mut().zip(&conductor.out_of_wall)) {
+            *sum += q * h;
+        }
+        for (mean, temperature) in self.mean_temperature.iter_mut().zip(&heat.temperature) {
+            *mean += temperature * h;
+        }
+        self.conductor = conductor;
         self.particles.heat = Some(heat);
     }
 
@@ -272,6 +288,9 @@ impl<const D: usize> Dem<D> {
             let v = problem.bodies.velocity(slot);
             self.particles.velocity[i] = v;
             self.particles.position[i] += v * h;
+            if let Some(mean) = self.mean_velocity.get_mut(i) {
+                *mean += v * h;
+            }
             if let Some(rotation) = &mut self.particles.rotation {
                 rotation.spin[i] = problem.bodies.surface(slot) / self.particles.radius[i];
                 rotation.angle[i] += rotation.spin[i] * h;
@@ -312,6 +331,38 @@ impl<const D: usize> Dem<D> {
             };
             deepest.max((radius - (other - p.position[i]).norm()) / smaller)
         })
+    }
+
+    /// Mean velocity of each grain over the last step, m/s; empty without implicit drag ([`Load::drag`]).
+    pub fn mean_velocity(&self) -> &[Vector<D>] {
+        &self.mean_velocity
+    }
+
+    /// Mean over the last step of the temperatures at the ends of its sub-steps, K; empty without implicit transfer
+    /// ([`Load::transfer`]).
+    pub fn mean_temperature(&self) -> &[f64] {
+        &self.mean_temperature
+    }
+
+    /// Conductance of all contacts of each grain in the last sub-step, W/K: sum of H. Empty without conduction.
+    pub fn conductance(&self) -> impl Iterator<Item = f64> + '_ {
+        self.conductor.conductance()
+    }
+
+    /// Marks the grains as they are, to come back to by [`Self::rewind`] after a step on trial.
+    pub fn mark(&mut self) {
+        let aged = self.settings.cohesion.is_some();
+        self.mark.set(self.time, &self.particles, aged.then_some(&self.memory));
+    }
+
+    /// Back to the last [`Self::mark`]. The impulses stay those of the step on trial: the next one starts warm from them.
+    pub fn rewind(&mut self) {
+        self.time = self.mark.get(&mut self.particles, &mut self.memory);
+    }
+
+    /// How contacts bind each grain, by those that carried an impulse in the last sub-step.
+    pub fn bonds(&self, out: &mut Bonds) {
+        out.find(&self.particles, self.search.forces(&self.problem, self.memory.h));
     }
 
     /// Mean contact force on each grain over the last step, walls included, N (per metre of depth).

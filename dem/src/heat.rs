@@ -1,19 +1,21 @@
 //! Heat between grains through the contacts that carry force.
 //!
-//! One implicit step of C dT/dt = Q + sum of H (T_j - T_i), with the conductances of the present forces:
+//! One implicit step of C dT/dt = Q - A T + sum of H (T_j - T_i), with the conductances H of the present forces and
+//! the transfer A to what surrounds the grain ([`crate::Load::transfer`]):
 //!
 //! ```text
-//!     (C/h + sum H) T' - sum H T'_j = C/h T + Q + sum of H_w T_w
+//!     (C/h + A + sum H) T' - sum H T'_j = C/h T + Q + sum of H_w T_w
 //! ```
 //!
 //! a symmetric positive definite system, solved by conjugate gradients with a diagonal preconditioner; it takes one or
 //! two iterations where contacts are slow and stays stable where they are fast. The fluxes q = H (T'_j - T'_i) of the
-//! solution are then applied with opposite signs to both grains: energy is conserved to round-off, whatever the tolerance of
-//! the solver. (The result differs from T' by h/C times the residual, so that is what must be small.)
+//! solution are then applied with opposite signs to both grains, (C/h + A) T'' = C/h T + Q + q: energy is conserved to
+//! round-off, whatever the tolerance of the solver. (The result differs from T' by the residual over C/h + A, so that
+//! is what must be small.)
 
 use crate::memory::WALL;
 use crate::scene::Scene;
-use crate::{Error, Material, Result, Vector};
+use crate::{Error, Heat, Material, Result, Vector};
 use serde::{Deserialize, Serialize};
 
 /// Law of the conductance H of a contact under the normal force F; q = H (T_j - T_i). A wall counts as a body of
@@ -117,6 +119,8 @@ pub(crate) struct Conductor {
     residual: Vec<f64>,
     direction: Vec<f64>,
     image: Vec<f64>,
+    /// C/h + A.
+    inertia: Vec<f64>,
     diagonal: Vec<f64>,
     /// Net heat into each grain and out of each wall, W.
     pub into_grain: Vec<f64>,
@@ -157,19 +161,14 @@ impl Conductor {
     }
 
     /// One implicit step: fluxes for the temperatures that the links lead to within `h`.
-    pub fn solve<const D: usize>(
-        &mut self,
-        scene: &Scene<D>,
-        temperature: &[f64],
-        capacity: &[f64],
-    ) -> HeatOutcome {
-        let n = temperature.len();
+    pub fn solve<const D: usize>(&mut self, scene: &Scene<D>, heat: &Heat) -> HeatOutcome {
+        let n = heat.temperature.len();
         let wall = |j: u32| scene.walls[(j & !WALL) as usize].temperature.unwrap_or(0.0);
-        self.diagonal.clear();
-        self.diagonal.extend(capacity.iter().map(|c| c / scene.h));
+        self.inertia.clear();
+        self.inertia.extend((0..n).map(|i| scene.thermal_inertia(i, heat.capacity[i])));
+        self.diagonal.clone_from(&self.inertia);
         self.solution.clear();
-        let outside = |i: usize| scene.load.heat.get(i).copied().unwrap_or(0.0);
-        self.solution.extend((0..n).map(|i| temperature[i] + scene.h * outside(i) / capacity[i]));
+        self.solution.extend((0..n).map(|i| scene.warmed(i, heat, 0.0)));
         let (mut low, mut high) = (f64::MAX, f64::MIN);
         for t in self.solution.iter().copied().chain(scene.walls.iter().filter_map(|w| w.temperature)) {
             (low, high) = (low.min(t), high.max(t));
@@ -180,11 +179,11 @@ impl Conductor {
                 self.diagonal[l.j as usize] += l.conductance;
             }
         }
-        // The start T + h Q / C leaves the net flux as residual.
+        // The start, without contacts, leaves the net flux as residual.
         self.exchange(&wall);
         self.residual.clone_from(&self.into_grain);
         let small = TOLERANCE * (high - low).max(0.0);
-        let outcome = self.conjugate_gradients(scene.h, capacity, small);
+        let outcome = self.conjugate_gradients(small);
         self.exchange(&wall);
         self.out_of_wall.clear();
         self.out_of_wall.resize(scene.walls.len(), 0.0);
@@ -193,6 +192,11 @@ impl Conductor {
                 l.conductance * (wall(l.j) - self.solution[l.i as usize]);
         }
         outcome
+    }
+
+    /// Sum of the conductances of each grain, W/K.
+    pub fn conductance(&self) -> impl Iterator<Item = f64> + '_ {
+        self.diagonal.iter().zip(&self.inertia).map(|(all, inertia)| all - inertia)
     }
 
     /// Net heat into each grain at the temperatures of the solution.
@@ -211,13 +215,13 @@ impl Conductor {
         }
     }
 
-    fn conjugate_gradients(&mut self, h: f64, capacity: &[f64], small: f64) -> HeatOutcome {
+    fn conjugate_gradients(&mut self, small: f64) -> HeatOutcome {
         let n = self.solution.len();
         self.direction.clear();
         self.direction.resize(n, 0.0);
         let mut last = 1.0;
         for iterations in 0..MAX_ITERATIONS {
-            let worst = (0..n).fold(0.0, |w: f64, i| w.max(self.residual[i].abs() * h / capacity[i]));
+            let worst = (0..n).fold(0.0, |w: f64, i| w.max(self.residual[i].abs() / self.inertia[i]));
             if worst <= small {
                 return HeatOutcome { iterations, converged: true };
             }
@@ -326,6 +330,7 @@ mod tests {
         let held = |k: usize| k % columns < 2 || k % columns >= columns - 2;
         let temperature: Vec<f64> = (0..n).map(|k| if held(k) { x(k) } else { 5.0 }).collect();
         let capacity: Vec<f64> = (0..n).map(|k| if held(k) { 1e15 } else { 1e-9 }).collect();
+        let heat = Heat { temperature, capacity };
         let grains = crate::Particles::<2>::default();
         let (settings, load) = (crate::Settings::default(), crate::Load::default());
         let scene = Scene {
@@ -337,7 +342,7 @@ mod tests {
             load: &load,
             h: 1.0,
         };
-        assert!(conductor.solve(&scene, &temperature, &capacity).converged);
+        assert!(conductor.solve(&scene, &heat).converged);
         // What the left end loses.
         -(0..n).filter(|k| k % columns < 2).map(|k| conductor.into_grain[k]).sum::<f64>()
     }

@@ -12,10 +12,12 @@
 //! Results are the same bit for bit on any number of threads.
 
 mod bodies;
+mod bonds;
 mod contact;
 mod dem;
 mod error;
 mod heat;
+mod mark;
 mod memory;
 mod neighbours;
 pub mod packing;
@@ -28,6 +30,7 @@ mod space;
 mod spread;
 mod walls;
 
+pub use bonds::{Bond, Bonds};
 pub use dem::{Contact, Dem, Partner, State};
 pub use error::{Error, Result};
 pub use heat::Conduction;

@@ -5,7 +5,7 @@ use crate::contact::Contact;
 use crate::memory::WALL;
 use crate::space::Vector;
 use crate::walls::{Placed, Wall};
-use crate::{Load, Material, Particles, Settings};
+use crate::{Heat, Load, Material, Particles, Settings};
 
 /// What a sub-step starts from.
 pub(crate) struct Scene<'a, const D: usize> {
@@ -40,6 +40,23 @@ impl<const D: usize> Scene<'_, D> {
         let momentum = (p.velocity[i] + self.settings.gravity * self.h) * p.mass[i];
         let force = self.load.force.get(i).copied().unwrap_or_else(Vector::zeros);
         (momentum + force * self.h) * self.mobility(i)
+    }
+
+    /// A, W/K.
+    fn transfer(&self, i: usize) -> f64 {
+        self.load.transfer.get(i).copied().unwrap_or(0.0)
+    }
+
+    /// C/h + A, W/K: what grain i resists a change of its temperature with.
+    pub fn thermal_inertia(&self, i: usize, capacity: f64) -> f64 {
+        capacity / self.h + self.transfer(i)
+    }
+
+    /// Temperature after the heat from outside and `conducted` (W): (C/h T + Q + q) / (C/h + A).
+    pub fn warmed(&self, i: usize, heat: &Heat, conducted: f64) -> f64 {
+        let before = heat.temperature[i];
+        let given = self.load.heat.get(i).copied().unwrap_or(0.0);
+        before + (given + conducted - self.transfer(i) * before) / self.thermal_inertia(i, heat.capacity[i])
     }
 
     pub fn has_friction(&self) -> bool {

@@ -102,6 +102,9 @@ pub struct Load<'a, const D: usize> {
     pub drag: &'a [f64],
     /// Heat given from outside, W.
     pub heat: &'a [f64],
+    /// Implicit heat transfer A, W/K: -A T at the new temperature. Its heat over the step is -A times the
+    /// [mean temperature](crate::Dem::mean_temperature).
+    pub transfer: &'a [f64],
     /// Whether a grain's contacts may stick (with [`Cohesion`]); a contact sticks if both grains may.
     pub cohesive: &'a [bool],
 }
@@ -109,7 +112,7 @@ pub struct Load<'a, const D: usize> {
 impl<const D: usize> Default for Load<'_, D> {
     /// Nothing acts.
     fn default() -> Self {
-        Self { force: &[], drag: &[], heat: &[], cohesive: &[] }
+        Self { force: &[], drag: &[], heat: &[], transfer: &[], cohesive: &[] }
     }
 }
 

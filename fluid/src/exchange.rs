@@ -66,8 +66,26 @@ pub struct Exchange<'a, const D: usize> {
     pub mobility: &'a [f64],
     /// Constant part b of the velocity law, m/s.
     pub velocity: &'a [Vector<D>],
+    /// The law of the solid flux in the equation of mass, where it is not that of momentum.
+    pub continuity: Option<VelocityLaw<'a, D>>,
     /// The same for heat, with a fluid temperature only.
     pub heat: Option<HeatExchange<'a>>,
+}
+
+/// A law `v* = velocity + mobility (drag u - volume grad p)` of all bodies.
+#[derive(Clone, Copy, Debug)]
+pub struct VelocityLaw<'a, const D: usize> {
+    /// Mobility a, s/kg.
+    pub mobility: &'a [f64],
+    /// Constant part b, m/s.
+    pub velocity: &'a [Vector<D>],
+}
+
+impl<'a, const D: usize> Exchange<'a, D> {
+    /// The law of the solid flux phi v* in the equation of mass.
+    pub fn continuity(&self) -> VelocityLaw<'a, D> {
+        self.continuity.unwrap_or(VelocityLaw { mobility: self.mobility, velocity: self.velocity })
+    }
 }
 
 /// Heat columns: `T* = temperature + mobility (coefficient T)`.
@@ -150,13 +168,13 @@ pub struct CellExchange<const D: usize, const B: usize> {
     pub drag: [[f64; B]; B],
     /// sum s V (a gamma - 1) phi_a.
     pub pressure: [f64; B],
-    /// sum s V a gamma phi_b.
+    /// sum s V a gamma phi_b, a of continuity.
     pub carried: [f64; B],
-    /// sum s V^2 a.
+    /// sum s V^2 a, a of continuity.
     pub diffusion: f64,
     /// sum s gamma b phi_a.
     pub force: [Vector<D>; B],
-    /// sum s V b.
+    /// sum s V b, b of continuity.
     pub volume_flux: Vector<D>,
     /// sum s V phi_a phi_b.
     pub solid: [[f64; B]; B],
@@ -178,17 +196,18 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
             solid: [[0.0; B]; B],
             total_drag: 0.0,
         };
+        let law = load.continuity();
         for (piece, body) in pieces {
             let phi = load.pieces.shape::<B>(piece);
             let share = load.pieces.share[piece];
             let (volume, gamma, mobility) = (load.volume[body], load.drag[body], load.mobility[body]);
             let slip = share * gamma * (1.0 - mobility * gamma);
             sum.total_drag += share * gamma;
-            sum.diffusion += share * volume * volume * mobility;
-            sum.volume_flux += load.velocity[body] * (share * volume);
+            sum.diffusion += share * volume * volume * law.mobility[body];
+            sum.volume_flux += law.velocity[body] * (share * volume);
             for a in 0..B {
                 sum.pressure[a] += share * volume * (mobility * gamma - 1.0) * phi[a];
-                sum.carried[a] += share * volume * mobility * gamma * phi[a];
+                sum.carried[a] += share * volume * law.mobility[body] * gamma * phi[a];
                 sum.force[a] += load.velocity[body] * (share * gamma * phi[a]);
                 for b in 0..B {
                     sum.drag[a][b] += slip * phi[a] * phi[b];

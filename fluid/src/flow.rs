@@ -304,12 +304,13 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         Ok(())
     }
 
-    /// Nodal projection (A.15) of the solid flux phi v, with v the law of the bodies at the last accepted
-    /// fluid state.
+    /// Nodal projection (A.15) of the solid flux phi v, with v the law of the bodies in the equation of mass at the
+    /// last accepted fluid state.
     fn project_solid_flux(&mut self, exchange: Option<&Exchange<'_, D>>) {
         self.solid_flux.clear();
         let Some(load) = exchange else { return };
         self.solid_flux.resize(self.mesh.points.len(), Vector::zeros());
+        let law = load.continuity();
         for body in 0..load.pieces.bodies() {
             for piece in load.pieces.of(body) {
                 let phi = load.pieces.shape::<B>(piece);
@@ -321,8 +322,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                     velocity += self.state.velocity[node] * phi[a];
                     slope += self.gradient[cell + a] * self.state.pressure[node];
                 }
-                let moved = load.velocity[body]
-                    + (velocity * load.drag[body] - slope * load.volume[body]) * load.mobility[body];
+                let moved = law.velocity[body]
+                    + (velocity * load.drag[body] - slope * load.volume[body]) * law.mobility[body];
                 let volume = load.pieces.share[piece] * load.volume[body];
                 for a in 0..B {
                     let node = self.mesh.cells[cell + a] as usize;

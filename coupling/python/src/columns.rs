@@ -71,6 +71,8 @@ impl Group {
                 "heat_coefficient",
                 "heat_mobility",
                 "temperature",
+                "continuity_mobility",
+                "continuity_velocity",
             ],
             Group::AtGrains => &["velocity", "pressure_gradient", "temperature"],
             Group::Fluid => &["velocity", "pressure", "temperature", "voidage"],
@@ -126,6 +128,8 @@ impl Group {
                     "heat_coefficient" => Some(Target::Scalars(&mut load.heat.as_mut()?.coefficient)),
                     "heat_mobility" => Some(Target::Scalars(&mut load.heat.as_mut()?.mobility)),
                     "temperature" => Some(Target::Scalars(&mut load.heat.as_mut()?.temperature)),
+                    "continuity_mobility" => Some(Target::Scalars(&mut load.continuity.as_mut()?.mobility)),
+                    "continuity_velocity" => Some(Target::Vectors(&mut load.continuity.as_mut()?.velocity)),
                     _ => None,
                 }
             }
@@ -167,6 +171,8 @@ fn load(coupled: &Coupled<2>, name: &str) -> Option<Column> {
         "heat_coefficient" => heat?.coefficient.as_slice().into(),
         "heat_mobility" => heat?.mobility.as_slice().into(),
         "temperature" => heat?.temperature.as_slice().into(),
+        "continuity_mobility" => load.continuity.as_ref()?.mobility.as_slice().into(),
+        "continuity_velocity" => load.continuity.as_ref()?.velocity.as_slice().into(),
         _ => return None,
     })
 }

@@ -138,6 +138,10 @@ fn load_columns<'py>(py: Python<'py>, load: &GrainLoad<2>) -> PyResult<Bound<'py
         set("heat_mobility", heat.mobility.as_slice().into())?;
         set("temperature", heat.temperature.as_slice().into())?;
     }
+    if let Some(law) = &load.continuity {
+        set("continuity_mobility", law.mobility.as_slice().into())?;
+        set("continuity_velocity", law.velocity.as_slice().into())?;
+    }
     Ok(columns)
 }
 

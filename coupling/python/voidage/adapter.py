@@ -37,6 +37,7 @@ from .solver import (
     Report,
     Solver,
     Step,
+    VelocityLaw,
 )
 
 LAST_FRAMES = 3
@@ -132,8 +133,11 @@ def grains(columns: Mapping[str, Floats]) -> Grains:
         heat = GrainHeat(
             columns["heat_coefficient"], columns["heat_mobility"], columns["temperature"]
         )
+    law = None
+    if "continuity_mobility" in columns:
+        law = VelocityLaw(columns["continuity_mobility"], columns["continuity_velocity"])
     return Grains(
-        columns["volume"], columns["drag"], columns["mobility"], columns["velocity"], heat
+        columns["volume"], columns["drag"], columns["mobility"], columns["velocity"], heat, law
     )
 
 

@@ -5,6 +5,8 @@ cell, with the share s of the grain and the shape functions phi at its centroid.
 
     f_p = V grad p - gamma (u - v*),   v* = b + a (gamma u - V grad p),
     q_p = -hA (T - T*),                T* = bT + aT hA T.
+
+The solid flux phi v* in the equation of mass may have a law v* of its own (``continuity``).
 """
 
 import numpy as np
@@ -23,6 +25,8 @@ class PieceSums:
         self.nodes, self.gradient = mesh.nodes[pieces.cell], mesh.gradient[pieces.cell]
         self.volume, self.drag = grains.volume[grain], grains.drag[grain]
         self.mobility, self.velocity = grains.mobility[grain], grains.velocity[grain]
+        law = grains.continuity or grains
+        self.flux_mobility, self.flux_velocity = law.mobility[grain], law.velocity[grain]
         self.heated = grains.heat is not None
         if self.heated:
             self.coefficient = grains.heat.coefficient[grain]
@@ -62,9 +66,9 @@ class PieceSums:
         pairs = phi[:, :, None] * phi[:, None, :]
         drag = self._by_cell((s * gamma * (1 - a * gamma))[:, None, None] * pairs)
         pressure = self._by_cell((s * V * (a * gamma - 1))[:, None] * phi)
-        carried = self._by_cell((s * V * a * gamma)[:, None] * phi)
-        diffusion = self._by_cell(s * V**2 * a)
-        volume_flux = self._by_cell((s * V)[:, None] * b)
+        carried = self._by_cell((s * V * self.flux_mobility * gamma)[:, None] * phi)
+        diffusion = self._by_cell(s * V**2 * self.flux_mobility)
+        volume_flux = self._by_cell((s * V)[:, None] * self.flux_velocity)
         force = self._by_cell((s * gamma)[:, None, None] * phi[:, :, None] * b[:, None, :])
         solid = self._by_cell((s * V)[:, None, None] * pairs)
         force -= solid @ weight[self.mesh.nodes[self.cells]]
@@ -120,14 +124,14 @@ class PieceSums:
     def _temperature(self, fields: Fields) -> Floats:
         return np.einsum("qa,qa->q", self.shape, fields.temperature[self.nodes])
 
-    def _law(self, u: Floats, slope: Floats) -> Floats:
-        """v* at the pieces, (q, D)."""
-        push = self.drag[:, None] * u - self.volume[:, None] * slope
-        return self.velocity + self.mobility[:, None] * push
+    def _push(self, u: Floats, slope: Floats) -> Floats:
+        """gamma u - V grad p at the pieces, (q, D)."""
+        return self.drag[:, None] * u - self.volume[:, None] * slope
 
     def solid_flux(self, fields: Fields) -> Floats:
-        """Nodal projection (A.15) of phi v, v the law v* at the given fields, (n, D)."""
-        moved = (self.share * self.volume)[:, None] * self._law(*self._at(fields))
+        """Nodal projection (A.15) of phi v, v the law of the flux at the given fields, (n, D)."""
+        v = self.flux_velocity + self.flux_mobility[:, None] * self._push(*self._at(fields))
+        moved = (self.share * self.volume)[:, None] * v
         nodes, volume = self.nodes.ravel(), self.mesh.nodal_volume
         parts = [self.shape * component[:, None] for component in moved.T]
         sums = [np.bincount(nodes, part.ravel(), len(volume)) for part in parts]
@@ -143,8 +147,9 @@ class PieceSums:
 
     def exchanged(self, fields: Fields) -> tuple[Floats, float]:
         """Force (N) and heat (W) that the fluid gives to all grains, summed piece by piece."""
-        u, slope = self._at(fields)
-        force = self.drag[:, None] * (u - self._law(u, slope)) - self.volume[:, None] * slope
+        push = self._push(*self._at(fields))
+        law = self.velocity + self.mobility[:, None] * push
+        force = push - self.drag[:, None] * law
         heat = 0.0
         if self.heated:
             T, hA = self._temperature(fields), self.coefficient

@@ -164,6 +164,16 @@ class GrainHeat:
 
 
 @dataclass(frozen=True)
+class VelocityLaw:
+    """A law v* = velocity + mobility (gamma u - volume grad p), (g) each."""
+
+    mobility: Floats
+    """s/kg."""
+    velocity: Floats
+    """m/s, (g, D)."""
+
+
+@dataclass(frozen=True)
 class Grains:
     """Columns of the grains, (g) each."""
 
@@ -176,6 +186,8 @@ class Grains:
     velocity: Floats
     """b, m/s, (g, D)."""
     heat: GrainHeat | None = None
+    continuity: VelocityLaw | None = None
+    """The law of the solid flux in the equation of mass, where it is not that of momentum."""
 
 
 @dataclass(frozen=True)

@@ -34,10 +34,14 @@ pub enum Column {
     PressureGradient = 9,
     /// Pressure, Pa.
     Pressure = 10,
+    /// Mobility of the law of the solid flux, s/kg.
+    ContinuityMobility = 11,
+    /// Constant part of the law of the solid flux, m/s.
+    ContinuityVelocity = 12,
 }
 
 /// All columns in the order in which they lie.
-pub const COLUMNS: [Column; 11] = [
+pub const COLUMNS: [Column; 13] = [
     Column::Position,
     Column::Radius,
     Column::Volume,
@@ -49,6 +53,8 @@ pub const COLUMNS: [Column; 11] = [
     Column::Temperature,
     Column::PressureGradient,
     Column::Pressure,
+    Column::ContinuityMobility,
+    Column::ContinuityVelocity,
 ];
 
 /// Columns of a step.
@@ -56,6 +62,8 @@ pub const STEP: &[Column] =
     &[Column::Position, Column::Radius, Column::Volume, Column::Drag, Column::Mobility, Column::Velocity];
 /// Further columns of a step with heat.
 pub const STEP_HEAT: &[Column] = &[Column::HeatCoefficient, Column::HeatMobility, Column::Temperature];
+/// Further columns of a step whose solid flux has a law of its own.
+pub const STEP_CONTINUITY: &[Column] = &[Column::ContinuityMobility, Column::ContinuityVelocity];
 /// Columns of a solution.
 pub const SOLUTION: &[Column] = &[Column::Velocity, Column::PressureGradient];
 /// Columns of fields.
@@ -72,7 +80,9 @@ impl Column {
     /// Numbers per row.
     pub fn width(self, dimension: usize) -> usize {
         match self {
-            Column::Position | Column::Velocity | Column::PressureGradient => dimension,
+            Column::Position | Column::Velocity | Column::PressureGradient | Column::ContinuityVelocity => {
+                dimension
+            }
             _ => 1,
         }
     }
@@ -91,6 +101,8 @@ impl Column {
             Column::Temperature => "temperature",
             Column::PressureGradient => "pressure_gradient",
             Column::Pressure => "pressure",
+            Column::ContinuityMobility => "continuity_mobility",
+            Column::ContinuityVelocity => "continuity_velocity",
         }
     }
 }
@@ -117,7 +129,8 @@ impl Layout {
         Self { dimension, rows, stride: rows.next_multiple_of(PAD), mask, offset }
     }
 
-    /// The layout that a header describes; it must have the columns `required` and may have `optional`.
+    /// The layout that a header describes; it must have the columns `required` and may have each of the sets
+    /// `optional`, whole.
     ///
     /// # Errors
     /// Columns are missing or too many, or do not fit the payload.
@@ -125,12 +138,13 @@ impl Layout {
         header: &Header,
         dimension: usize,
         required: &[Column],
-        optional: &[Column],
+        optional: &[&[Column]],
         offset: usize,
     ) -> Result<Self, PeerError> {
         let bits = |set: &[Column]| set.iter().fold(0, |mask, column| mask | column.bit());
-        let (needed, more) = (bits(required), header.mask & !bits(required));
-        if header.mask & needed != needed || (more != 0 && more != bits(optional)) {
+        let needed = bits(required);
+        let whole = optional.iter().map(|set| bits(set)).filter(|set| header.mask & set == *set);
+        if header.mask != whole.fold(needed, |mask, set| mask | set) {
             return wrong(format!("columns {:#b}, expected {needed:#b}", header.mask));
         }
         let (rows, stride, limit) = (header.rows as usize, header.stride as usize, header.length as usize);
@@ -215,9 +229,9 @@ impl Layout {
     }
 }
 
-/// Columns that are there with heat only.
-pub(super) fn with_heat(columns: &'static [Column], heat: bool) -> &'static [Column] {
-    if heat { columns } else { &[] }
+/// Columns that are there on a condition only.
+pub(super) fn only_if(there: bool, columns: &'static [Column]) -> &'static [Column] {
+    if there { columns } else { &[] }
 }
 
 /// The answer to what is no frame of this protocol.

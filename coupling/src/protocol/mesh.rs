@@ -1,6 +1,6 @@
 //! The frames of meshes and nodal fields.
 
-use super::columns::{with_heat, wrong};
+use super::columns::{only_if, wrong};
 use super::text::{numbers_for_text, write_text};
 use super::{Column, FIELDS, HEAT, Header, Kind, Layout, read_text};
 use crate::error::PeerError;
@@ -18,7 +18,7 @@ pub struct FieldsMessage<'a, const D: usize> {
 impl<'a, const D: usize> FieldsMessage<'a, D> {
     /// Fields that start at this place of the payload.
     fn at(fields: &'a State<D>, offset: usize) -> Self {
-        let heat = with_heat(HEAT, fields.temperature.is_some());
+        let heat = only_if(fields.temperature.is_some(), HEAT);
         Self { fields, layout: Layout::new(D, fields.pressure.len(), &[FIELDS, heat], offset) }
     }
 
@@ -43,7 +43,7 @@ impl<'a, const D: usize> FieldsMessage<'a, D> {
 }
 
 fn fields_at<const D: usize>(header: &Header, payload: &[f64], offset: usize) -> Result<State<D>, PeerError> {
-    let layout = Layout::of(header, D, FIELDS, HEAT, offset)?;
+    let layout = Layout::of(header, D, FIELDS, &[HEAT], offset)?;
     let mut state = State { velocity: Vec::new(), pressure: Vec::new(), temperature: None };
     layout.get_vectors(payload, Column::Velocity, &mut state.velocity);
     layout.get(payload, Column::Pressure, &mut state.pressure);

@@ -3,9 +3,12 @@
 //! A message knows its header and length, so that the payload can be borrowed from shared memory, and then writes itself
 //! there.
 
-use super::columns::{with_heat, wrong};
+use super::columns::{only_if, wrong};
 use super::text::{numbers_for_text, write_text};
-use super::{ACCEPT, Column, HEAT, Header, Kind, Layout, PiecePlaces, SOLUTION, STEP, STEP_HEAT, read_text};
+use super::{
+    ACCEPT, Column, HEAT, Header, Kind, Layout, PiecePlaces, SOLUTION, STEP, STEP_CONTINUITY, STEP_HEAT,
+    read_text,
+};
 use crate::backend::{FluidReport, FluidStep, GrainLoad, Immersed};
 use crate::error::PeerError;
 use voidage_fluid::Vector;
@@ -29,8 +32,9 @@ impl<'a, const D: usize> StepMessage<'a, D> {
         let (layout, pieces) = match &step.grains {
             None => (Layout::new(D, 0, &[], 0), None),
             Some(Immersed { position, load, .. }) => {
-                let heat = with_heat(STEP_HEAT, load.heat.is_some());
-                let layout = Layout::new(D, position.len(), &[STEP, heat], 0);
+                let heat = only_if(load.heat.is_some(), STEP_HEAT);
+                let continuity = only_if(load.continuity.is_some(), STEP_CONTINUITY);
+                let layout = Layout::new(D, position.len(), &[STEP, heat, continuity], 0);
                 (layout, Some(PiecePlaces::new(&layout, load.pieces.len(), load.voidage.len())))
             }
         };
@@ -71,6 +75,10 @@ impl<'a, const D: usize> StepMessage<'a, D> {
             layout.put(payload, Column::HeatMobility, &heat.mobility);
             layout.put(payload, Column::Temperature, &heat.temperature);
         }
+        if let Some(law) = &load.continuity {
+            layout.put(payload, Column::ContinuityMobility, &law.mobility);
+            layout.put_vectors(payload, Column::ContinuityVelocity, &law.velocity);
+        }
         if let Some(places) = &self.pieces {
             places.write(&load.pieces, &load.voidage, payload);
         }
@@ -93,7 +101,7 @@ pub struct StepParts<const D: usize> {
 /// Columns are missing or do not fit, the conditions cannot be read.
 pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<StepParts<D>, PeerError> {
     let required = if header.rows == 0 && header.mask == 0 { &[] } else { STEP };
-    let layout = Layout::of(header, D, required, STEP_HEAT, 0)?;
+    let layout = Layout::of(header, D, required, &[STEP_HEAT, STEP_CONTINUITY], 0)?;
     let pieces = PiecePlaces::of(header, &layout)?;
     let end = pieces.as_ref().map_or(layout.end(), |places| places.voidage.end);
     let text = read_text(header, payload)?;
@@ -124,14 +132,21 @@ impl<const D: usize> GrainLoad<D> {
         layout.get(payload, Column::Drag, &mut self.drag);
         layout.get(payload, Column::Mobility, &mut self.mobility);
         layout.get_vectors(payload, Column::Velocity, &mut self.velocity);
-        if layout.range(Column::HeatCoefficient).is_none() {
-            self.heat = None;
-            return;
+        if layout.range(Column::ContinuityMobility).is_some() {
+            let law = self.continuity.get_or_insert_default();
+            layout.get(payload, Column::ContinuityMobility, &mut law.mobility);
+            layout.get_vectors(payload, Column::ContinuityVelocity, &mut law.velocity);
+        } else {
+            self.continuity = None;
         }
-        let heat = self.heat.get_or_insert_default();
-        layout.get(payload, Column::HeatCoefficient, &mut heat.coefficient);
-        layout.get(payload, Column::HeatMobility, &mut heat.mobility);
-        layout.get(payload, Column::Temperature, &mut heat.temperature);
+        if layout.range(Column::HeatCoefficient).is_some() {
+            let heat = self.heat.get_or_insert_default();
+            layout.get(payload, Column::HeatCoefficient, &mut heat.coefficient);
+            layout.get(payload, Column::HeatMobility, &mut heat.mobility);
+            layout.get(payload, Column::Temperature, &mut heat.temperature);
+        } else {
+            self.heat = None;
+        }
     }
 }
 
@@ -172,7 +187,7 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
     /// A solution; `at` is empty without grains.
     pub fn new(at: &'a AtBodies<D>, report: &'a FluidReport<D>) -> Self {
         let rows = at.velocity.len();
-        let heat = with_heat(HEAT, !at.temperature.is_empty());
+        let heat = only_if(!at.temperature.is_empty(), HEAT);
         Self { at, report, layout: Layout::new(D, rows, &[SOLUTION, heat], 0) }
     }
 
@@ -201,7 +216,7 @@ pub fn read_solution<const D: usize>(
     (grains, heat): (usize, bool),
     at: &mut AtBodies<D>,
 ) -> Result<FluidReport<D>, PeerError> {
-    let layout = Layout::of(header, D, SOLUTION, HEAT, 0)?;
+    let layout = Layout::of(header, D, SOLUTION, &[HEAT], 0)?;
     if layout.rows != grains {
         return wrong(format!("a solution for {} grains, there are {grains}", layout.rows));
     }

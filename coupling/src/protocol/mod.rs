@@ -24,7 +24,7 @@ mod pieces;
 mod tests;
 mod text;
 
-pub use columns::{COLUMNS, Column, FIELDS, HEAT, Layout, SOLUTION, STEP, STEP_HEAT};
+pub use columns::{COLUMNS, Column, FIELDS, HEAT, Layout, SOLUTION, STEP, STEP_CONTINUITY, STEP_HEAT};
 pub use header::{ACCEPT, HEADER_BYTES, Header, Kind, MAGIC, VERSION};
 pub use mesh::{FieldsMessage, MeshMessage, read_fields, read_mesh};
 pub use messages::{SolutionMessage, StepMessage, StepParts, read_solution, read_step};

@@ -1,7 +1,7 @@
 //! Frames survive the way, and what is no frame is an error and no panic.
 
 use super::*;
-use crate::backend::{FluidReport, FluidStep, GrainLoad, HeatLoad, Immersed};
+use crate::backend::{FluidReport, FluidStep, GrainLoad, HeatLoad, Immersed, Law};
 use crate::error::PeerError;
 use proptest::prelude::*;
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
@@ -47,6 +47,10 @@ fn load(grains: usize) -> GrainLoad<2> {
             share: vec![1.0; grains],
         },
         voidage: vec![0.5; 4],
+        continuity: Some(Law {
+            mobility: column(8.0),
+            velocity: column(9.0).into_iter().map(|x| Vector::<2>::new(-x, x)).collect(),
+        }),
     }
 }
 
@@ -87,6 +91,7 @@ fn a_step_comes_back_as_it_was() {
     let (theirs, ours) = (copy.heat.expect("heat"), load.heat.expect("heat"));
     assert_eq!(theirs.coefficient, ours.coefficient);
     assert_eq!((theirs.mobility, theirs.temperature), (ours.mobility, ours.temperature));
+    assert_eq!(copy.continuity, load.continuity);
 }
 
 #[test]

@@ -89,7 +89,9 @@ impl<const D: usize> Setup<D> {
             dimension: D,
             columns: COLUMNS.iter().map(|column| column.name().to_owned()).collect(),
             closure: [
-                "velocity + mobility * (drag * u - volume * grad(p))".into(),
+                "velocity + mobility * (drag * u - volume * grad(p)), \
+                 the solid flux by continuity_velocity and continuity_mobility where they are there"
+                    .into(),
                 "temperature + heat_mobility * heat_coefficient * T".into(),
             ],
             properties,

@@ -3,6 +3,7 @@
 use super::{Backend, Coordinates};
 use crate::closure::{Drag, HeatTransfer, VoidageFunction};
 use crate::scheme::SchemeName;
+use crate::scheme::iterated::Iteration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -191,9 +192,12 @@ pub enum LinearMethod {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Coupling {
-    /// Coupling scheme: `"henry"` (predicted velocity with the last contact force), `"henry-free"` (without it) or
-    /// `"explicit"`. Default `"henry"`.
+    /// Coupling scheme: `"iterated"` (fluid and grains in turn until they agree), `"anchored"` (the same, once), `"henry"`
+    /// (predicted velocity with the last contact force), `"henry-free"` (without it), `"lagged"` or `"explicit"`.
+    /// Default `"iterated"`.
     pub scheme: SchemeName,
+    /// When and how the scheme `"iterated"` goes on. Default: the defaults of its keys.
+    pub iteration: Iteration,
     /// Drag law: `"dallavalle"` (times the voidage function) or `"gidaspow"`. Default `"dallavalle"`.
     pub drag: Drag,
     /// Voidage function of drag and heat: `"henry"`, `"henry-interstitial"`, `"di-felice"`, `"migflow"` or `"none"`.
@@ -208,7 +212,8 @@ pub struct Coupling {
 impl Default for Coupling {
     fn default() -> Self {
         Coupling {
-            scheme: SchemeName::Henry,
+            scheme: SchemeName::default(),
+            iteration: Iteration::default(),
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,
             heat: None,

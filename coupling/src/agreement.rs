@@ -1,0 +1,109 @@
+//! How far grains and fluid are from each other at the end of a step, and what is carried to the next.
+
+use crate::backend::GrainLoad;
+use serde::{Deserialize, Serialize};
+use voidage_dem::{Dem, Vector};
+
+/// What the fluid still has to give for the last steps, because the grains moved otherwise than it expected.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Carried<const D: usize> {
+    /// gamma (v* - v) dt, N s by grain: what the grains got beyond what the fluid lost.
+    pub impulse: Vec<Vector<D>>,
+    /// hA (T* - T) dt, J by grain; zero without heat.
+    pub heat: Vec<f64>,
+}
+
+impl<const D: usize> Carried<D> {
+    /// Nothing.
+    pub fn none(grains: usize) -> Self {
+        Self { impulse: vec![Vector::zeros(); grains], heat: vec![0.0; grains] }
+    }
+}
+
+/// How far the grains are from what the fluid expected of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Agreement {
+    /// Solutions of the fluid.
+    pub solves: usize,
+    /// (gamma + rho_f V/dt) |v - v*| over weight and force, root of the sums of squares over the grains.
+    pub disagreement: f64,
+    /// hA |T - T*| over hA times the range of temperatures, likewise; zero without heat.
+    pub heat_disagreement: f64,
+    /// Whether both are within the tolerance; always for schemes that solve the fluid once.
+    pub converged: bool,
+    /// The grain that disagrees most.
+    pub worst: u32,
+    /// |v - v*| of that grain, m/s.
+    pub worst_speed: f64,
+    /// |sum of the impulse that is carried to the next step| over weight and force of all grains times dt.
+    pub carried: f64,
+}
+
+/// Everything that tells how far apart grains and fluid are.
+pub struct Comparison<'a, const D: usize> {
+    /// The grains, before or after their motion.
+    pub grains: &'a Dem<D>,
+    /// Coefficients of the exchange.
+    pub load: &'a GrainLoad<D>,
+    /// Density of the fluid, kg/m3.
+    pub density: f64,
+    /// Step, s.
+    pub dt: f64,
+    /// Force on each grain, N.
+    pub force: &'a [Vector<D>],
+}
+
+impl<const D: usize> Comparison<'_, D> {
+    /// Compares the velocities that the fluid expected with those that the grains have, m/s.
+    pub fn motion(
+        &self,
+        expected: impl Fn(usize) -> Vector<D>,
+        moved: impl Fn(usize) -> Vector<D>,
+    ) -> Agreement {
+        let (particles, gravity) = (&self.grains.particles, self.grains.settings().gravity.norm());
+        let mut agreement = Agreement { solves: 1, converged: true, ..Agreement::default() };
+        let (mut sum, mut scale, mut most) = (0.0, 0.0, 0.0);
+        for i in (0..particles.len()).filter(|&i| !particles.held(i)) {
+            let worth = self.load.drag[i] + self.density * self.load.volume[i] / self.dt;
+            let speed = (moved(i) - expected(i)).norm();
+            sum += (worth * speed).powi(2);
+            scale += (particles.mass[i] * gravity).powi(2) + self.force[i].norm_squared();
+            if worth * speed > most {
+                (most, agreement.worst, agreement.worst_speed) = (worth * speed, i as u32, speed);
+            }
+        }
+        agreement.disagreement = share(sum, scale);
+        agreement
+    }
+
+    /// Disagreement of the temperatures, both in K, over the range between `bounds`.
+    pub fn heat(&self, expected: impl Fn(usize) -> f64, warmed: &[f64], bounds: (f64, f64)) -> f64 {
+        let Some(law) = &self.load.heat else { return 0.0 };
+        let (mut sum, mut scale) = (0.0, 0.0);
+        for (i, temperature) in warmed.iter().enumerate() {
+            sum += (law.coefficient[i] * (temperature - expected(i))).powi(2);
+            scale += (law.coefficient[i] * (bounds.1 - bounds.0)).powi(2);
+        }
+        share(sum, scale)
+    }
+}
+
+/// Root of a ratio; zero over zero counts as none.
+fn share(sum: f64, scale: f64) -> f64 {
+    if sum == 0.0 { 0.0 } else { (sum / scale.max(f64::MIN_POSITIVE)).sqrt() }
+}
+
+impl Agreement {
+    /// This part of a step after another one, with solutions spent on attempts beside: the worse of both.
+    pub fn after(self, first: Option<&Self>, spent: usize) -> Self {
+        let Some(first) = first else { return Self { solves: self.solves + spent, ..self } };
+        let worse = if first.disagreement > self.disagreement { first } else { &self };
+        Self {
+            solves: first.solves + self.solves + spent,
+            heat_disagreement: first.heat_disagreement.max(self.heat_disagreement),
+            converged: first.converged && self.converged,
+            carried: self.carried,
+            ..*worse
+        }
+    }
+}

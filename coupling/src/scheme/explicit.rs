@@ -1,0 +1,38 @@
+//! Drag implicit in the fluid velocity only (A.16): a = 0, b = v_n.
+//!
+//! In a closed box, r = (rho_f/rho_p)(phi/eps) and K = beta dt/(eps phi rho_p), stable iff r < 1 and
+//! K < 2 eps (1 - r); of slip without constraint, stable iff B < 2 + A with A = beta dt/(eps rho_f), B = beta dt/(phi rho_p).
+
+use super::{Scheme, once};
+use crate::{Coupled, Interaction, StepReport, error::Result};
+use voidage_dem::Dem;
+use voidage_fluid::Vector;
+
+/// The explicit scheme.
+pub struct Explicit;
+
+impl<const D: usize> Scheme<D> for Explicit {
+    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport> {
+        once(coupled, dt, |grains, interaction| {
+            freeze(grains, &mut interaction.load.mobility, &mut interaction.load.velocity);
+            freeze_heat(grains, interaction);
+        })
+    }
+}
+
+/// The law of grains that keep their velocity.
+pub(super) fn freeze<const D: usize>(
+    grains: &Dem<D>,
+    mobility: &mut Vec<f64>,
+    velocity: &mut Vec<Vector<D>>,
+) {
+    mobility.clear();
+    mobility.resize(grains.particles.len(), 0.0);
+    velocity.clone_from(&grains.particles.velocity);
+}
+
+fn freeze_heat<const D: usize>(grains: &Dem<D>, interaction: &mut Interaction<D>) {
+    let (Some(law), Some(heat)) = (&mut interaction.load.heat, &grains.particles.heat) else { return };
+    law.mobility.fill(0.0);
+    law.temperature.copy_from_slice(&heat.temperature);
+}

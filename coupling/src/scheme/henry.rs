@@ -1,0 +1,54 @@
+//! Predicted velocity of Henry et al. (A.18, A.19): a = 1 / (m/dt + gamma), b = a (m/dt v_n + m g + F_c), with the contact
+//! force F_c of the last step as printed, or without (`henry-free`).
+//!
+//! Both are exact for free grains. For a bed at rest on its floor, D the true pressure gradient, W its weight and
+//! kappa = beta dt / (eps^2 phi rho_p), `henry-free` gives (D + kappa W) / (1 + kappa). `henry` gives D, but damps shear in the
+//! held bed explicitly, by (1 + B - A B) / (1 + A + B): unstable when A (B - 1) > 2 (1 + B), which fine grains in a liquid
+//! reach (physics.md, section 5).
+
+use super::{Scheme, once};
+use crate::{Coupled, Interaction, StepReport, error::Result};
+use voidage_dem::Dem;
+use voidage_fluid::Vector;
+
+/// The predicted velocity.
+pub struct Henry {
+    /// Whether the contact force of the last step is part of it.
+    pub contacts: bool,
+}
+
+impl<const D: usize> Scheme<D> for Henry {
+    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport> {
+        once(coupled, dt, |grains, interaction| predict(grains, interaction, self.contacts, dt))
+    }
+}
+
+/// Fills the laws of velocity and temperature with the motion of free grains.
+pub(super) fn predict<const D: usize>(
+    grains: &Dem<D>,
+    interaction: &mut Interaction<D>,
+    contacts: bool,
+    dt: f64,
+) {
+    let (particles, gravity) = (&grains.particles, grains.settings().gravity);
+    let load = &mut interaction.load;
+    for i in 0..particles.len() {
+        // A held grain (infinite mass) keeps its velocity whatever the fluid does.
+        (load.mobility[i], load.velocity[i]) = if particles.held(i) {
+            (0.0, particles.velocity[i])
+        } else {
+            let inertia = particles.mass[i] / dt;
+            let mobility = 1.0 / (inertia + load.drag[i]);
+            let force = if contacts { grains.contact_force()[i] } else { Vector::zeros() };
+            let push = particles.velocity[i] * inertia + gravity * particles.mass[i] + force;
+            (mobility, push * mobility)
+        };
+    }
+    let (Some(law), Some(heat)) = (&mut load.heat, &particles.heat) else { return };
+    for i in 0..particles.len() {
+        let inertia = heat.capacity[i] / dt;
+        let conducted = grains.contact_heat().get(i).copied().unwrap_or(0.0);
+        law.mobility[i] = 1.0 / (inertia + law.coefficient[i]);
+        law.temperature[i] = law.mobility[i] * (inertia * heat.temperature[i] + conducted);
+    }
+}

@@ -1,0 +1,20 @@
+//! What most codes of this kind do: drag implicit in both velocities, the solid flux from the last velocities.
+//!
+//! In a closed box (1 + K) v' = (1 - r - K phi/eps) v + r v_old, stable iff r < 1 + K and 2 + K - 2 r - K phi/eps > 0: at small
+//! voidage no step is small enough (physics.md, section 8).
+
+use super::{Scheme, explicit, henry, once};
+use crate::{Coupled, StepReport, error::Result};
+
+/// The lagged scheme.
+pub struct Lagged;
+
+impl<const D: usize> Scheme<D> for Lagged {
+    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport> {
+        once(coupled, dt, |grains, interaction| {
+            henry::predict(grains, interaction, false, dt);
+            let flux = interaction.load.continuity.get_or_insert_default();
+            explicit::freeze(grains, &mut flux.mobility, &mut flux.velocity);
+        })
+    }
+}

@@ -1,0 +1,97 @@
+//! Coupling schemes: what the grains are expected to do while the fluid is solved.
+//!
+//! The fluid never knows the scheme. For each grain it gets the affine law of the velocity that the grain will
+//! have, v* = b + a f with f = gamma u - V grad p; the force on the grain is f - gamma v*, and the fluid gets the opposite
+//! by the same law, so momentum is conserved to round-off. Heat likewise. Schemes differ in a and b:
+//!
+//! | scheme | law | grains move by |
+//! |---|---|---|
+//! | [`explicit`] | a = 0, b = v_n | the force of the law |
+//! | [`henry`] | the motion of a free grain under the last contact force, or under none | the force of the law |
+//! | [`lagged`] | the same without contacts; the solid flux from v_n | the force of the law |
+//! | [`anchored`] | the response of the grains, contacts included, and its slope | f and implicit drag |
+//! | [`iterated`] | the same, again until grains and fluid agree | f and implicit drag |
+
+pub mod anchored;
+pub mod explicit;
+pub mod henry;
+pub mod iterated;
+pub mod lagged;
+pub mod relaxation;
+
+use crate::agreement::Comparison;
+use crate::{Coupled, Interaction, StepReport, error::Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use voidage_dem::Dem;
+
+/// A coupling scheme: one step of grains and fluid together.
+pub trait Scheme<const D: usize>: Send {
+    /// Advances the coupled system by `dt`.
+    ///
+    /// # Errors
+    /// The fluid solver failed or a grain left the mesh.
+    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport>;
+}
+
+/// Schemes by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SchemeName {
+    /// Drag implicit in the fluid velocity only (A.16): [`explicit`].
+    Explicit,
+    /// Predicted velocity with the contact force of the last step, A.18 as printed: [`henry`].
+    Henry,
+    /// Predicted velocity without contact forces: [`henry`].
+    HenryFree,
+    /// The same in momentum, the solid flux from the last velocities: [`lagged`].
+    Lagged,
+    /// Anchored at the response of the grains, one solution of the fluid per step: [`anchored`].
+    Anchored,
+    /// The same, as many solutions as it takes: [`iterated`].
+    #[default]
+    Iterated,
+}
+
+impl SchemeName {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Explicit, Self::Henry, Self::HenryFree, Self::Lagged, Self::Anchored, Self::Iterated];
+
+    /// The scheme of this name; `iteration` is for [`Self::Iterated`] only.
+    pub fn build<const D: usize>(self, iteration: &iterated::Iteration) -> Box<dyn Scheme<D>> {
+        match self {
+            Self::Explicit => Box::new(explicit::Explicit),
+            Self::Henry => Box::new(henry::Henry { contacts: true }),
+            Self::HenryFree => Box::new(henry::Henry { contacts: false }),
+            Self::Lagged => Box::new(lagged::Lagged),
+            Self::Anchored => Box::new(iterated::Iterated::new(iterated::Iteration::ONCE)),
+            Self::Iterated => Box::new(iterated::Iterated::new(iteration.clone())),
+        }
+    }
+}
+
+/// A step that solves the fluid once, with the law that `predict` fills, and moves the grains by the force of the law.
+fn once<const D: usize>(
+    coupled: &mut Coupled<D>,
+    dt: f64,
+    predict: impl FnOnce(&Dem<D>, &mut Interaction<D>),
+) -> Result<StepReport> {
+    let mut report = StepReport::default();
+    coupled.cut_grains(&mut report)?;
+    coupled.evaluate_closures(&mut report);
+    if let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) {
+        predict(grains, interaction);
+    }
+    coupled.solve_fluid(dt, &mut report)?;
+    coupled.move_grains(dt, &mut report);
+    if let (Some(grains), Some(interaction)) = (&coupled.grains, &coupled.interaction) {
+        let (load, at) = (&interaction.load, &interaction.at);
+        let comparison =
+            Comparison { grains, load, density: interaction.laws.density, dt, force: &interaction.force };
+        let agreement = comparison.motion(|i| load.expected(at, i), |i| grains.particles.velocity[i]);
+        report.agreement = Some(agreement);
+    }
+    coupled.accept(dt);
+    Ok(report)
+}
