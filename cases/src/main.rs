@@ -2,18 +2,11 @@
 //!
 //! Exit codes: 0 done; 1 the run failed (solver, disk) or was interrupted; 2 the input is wrong.
 
-mod check;
-mod compare;
-mod doctor;
-mod plot;
-mod progress;
-mod report;
-mod run;
-
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
+use voidage::{check, compare, doctor, plot, progress, report, run, verify};
 use voidage_coupling::transport::Address;
 use voidage_coupling::{Error, Result};
 
@@ -35,6 +28,8 @@ enum Command {
     /// Show the same states to several fluid solvers, then run them side by side; exit code 1 if a step from the same
     /// state differs by more than the tolerance.
     Compare(compare::Options),
+    /// Solve cases with known answers; exit code 1 if one is missed by more than is allowed.
+    Verify(verify::Options),
     /// Read a scene, check it, and say which parts are on and how large they are.
     Check {
         /// Scene file (TOML).
@@ -68,6 +63,7 @@ fn main() -> ExitCode {
     let quiet = match &arguments.command {
         Command::Run(options) => options.quiet,
         Command::Compare(options) => options.quiet,
+        Command::Verify(options) => options.quiet,
         _ => false,
     };
     progress::start_logging(quiet);
@@ -85,6 +81,7 @@ fn perform(command: Command) -> Result<u8> {
     match command {
         Command::Run(options) => run::run(&options),
         Command::Compare(options) => compare::compare(&options),
+        Command::Verify(options) => verify::verify(&options),
         Command::Check { scene, sets } => check::check(&scene, &sets),
         Command::Plot { folder } => {
             let pictures = plot::draw(&folder)?;

@@ -38,6 +38,7 @@ pub struct News {
 /// Shows how far a run is.
 pub struct Progress {
     bar: Option<Span>,
+    unit: &'static str,
     first: u64,
     last: u64,
     started: Instant,
@@ -48,11 +49,16 @@ pub struct Progress {
 impl Progress {
     /// From the step where this process starts to the last one.
     pub fn new(first: u64, last: u64, quiet: bool) -> Self {
+        Self::of("step", first, last, quiet)
+    }
+
+    /// The same for anything that is counted; the unit in the singular.
+    pub fn of(unit: &'static str, first: u64, last: u64, quiet: bool) -> Self {
         let bar = has_bar(quiet).then(|| {
             let span = info_span!("run");
-            let style = "{bar:30.cyan/blue} {pos}/{len} steps  {eta} left  {msg}";
+            let style = format!("{{bar:30.cyan/blue}} {{pos}}/{{len}} {unit}s  {{eta}} left  {{msg}}");
             span.pb_set_style(
-                &ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()),
+                &ProgressStyle::with_template(&style).unwrap_or_else(|_| ProgressStyle::default_bar()),
             );
             span.pb_set_length(last);
             span.pb_set_position(first);
@@ -64,7 +70,7 @@ impl Progress {
             (None, false) => Duration::from_secs(2),
             (None, true) => Duration::from_secs(10),
         };
-        Progress { bar, first, last, started: Instant::now(), shown: None, every }
+        Progress { bar, unit, first, last, started: Instant::now(), shown: None, every }
     }
 
     /// Shows the news, not too often.
@@ -79,14 +85,20 @@ impl Progress {
         let message = format!(
             "{rate:.1} steps/s  t {time:.4} s  {grains} grains  {contacts} contacts  residual {residual:.1e}"
         );
+        self.tell(step, &message);
+    }
+
+    /// Shows how many are done and a message, at once.
+    pub fn tell(&self, done: u64, message: &str) {
         match &self.bar {
             Some(bar) => {
-                bar.pb_set_position(step);
-                bar.pb_set_message(&message);
+                bar.pb_set_position(done);
+                bar.pb_set_message(message);
             }
             None => {
-                let left = (self.last - step) as f64 / rate;
-                info!("step {step}/{}  {} left  {message}", self.last, duration(left));
+                let rate = (done - self.first) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
+                let left = (self.last - done) as f64 / rate;
+                info!("{} {done}/{}  {} left  {message}", self.unit, self.last, duration(left));
             }
         }
     }

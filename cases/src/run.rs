@@ -108,6 +108,7 @@ pub fn host(log: PathBuf) -> Host {
     Host { program: std::env::current_exe().unwrap_or(Host::default().program), log }
 }
 
+/// Starts the worker threads, one per core unless a number is asked for; how many there are.
 pub fn start_threads(asked: Option<usize>) -> Result<usize> {
     if asked == Some(0) {
         return Err(Error::Input("--threads 0: there must be a thread\n  help: give 1 or more".into()));

@@ -1,6 +1,9 @@
 //! Exact oracles of the exchange between grains and fluid (physics.md, section 8).
 
 use approx::assert_relative_eq;
+use voidage::models::{
+    FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
+};
 use voidage_coupling::Coupled;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
@@ -8,9 +11,6 @@ use voidage_dem::{Conduction, Material, Settings};
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
 use voidage_fluid::flow::HeatProperties;
 use voidage_fluid::transport::Scalar;
-use voidage_tests::{
-    FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
-};
 
 const OPEN: FlowCondition<2> = FlowCondition::Open { pressure: 0.0 };
 const GRAVITY: f64 = 9.81;
@@ -20,12 +20,13 @@ fn lone_grain(diameter: f64, solid: f64, fluid: f64, viscosity: f64) -> Coupled<
     let size = 40.0 * diameter;
     let mut set = FluidSet::new(fluid, viscosity).flow("top", OPEN);
     set.properties.gravity = Vec2::new(0.0, -GRAVITY);
-    let mesh = grid([size; 2], [6, 6]);
+    let mesh = grid([size; 2], [6, 6]).unwrap();
     let start = set.rest(&mesh, 0.0);
     let material = Material { density: solid, solidity: 1e-6, ..Material::default() };
     let grain =
-        grains(vec![Vec2::new(0.5 * size, 0.9 * size)], 0.5 * diameter, material, Settings::default());
-    set.with_grains(set.build(mesh, start), grain, set.laws(None), SchemeName::Henry)
+        grains(vec![Vec2::new(0.5 * size, 0.9 * size)], 0.5 * diameter, material, Settings::default())
+            .unwrap();
+    set.with_grains(set.build(mesh, start).unwrap(), grain, set.laws(None), SchemeName::Henry).unwrap()
 }
 
 fn speed_at(time: f64, dt: f64) -> f64 {
@@ -86,7 +87,7 @@ fn slip_box(scheme: SchemeName) -> SlipBox {
     set.conditions = vec![rim];
     let mesh = cake(24);
     let start = set.rest(&mesh, 0.0);
-    let mut grains = grains(three_per_cell(&mesh), radius, Material::default(), weightless());
+    let mut grains = grains(three_per_cell(&mesh), radius, Material::default(), weightless()).unwrap();
     let volume = phi * mesh.measure(0) / 3.0;
     grains.particles.volume.fill(volume);
     grains.particles.mass.fill(rho_s * volume);
@@ -102,7 +103,8 @@ fn slip_box(scheme: SchemeName) -> SlipBox {
     let laws = set.laws(None);
     let beta = phi * laws.drag.coefficient(&around, VoidageFunction::None);
     let (fluid_rate, grain_rate) = (beta / ((1.0 - phi) * rho_f), beta / (phi * rho_s));
-    SlipBox { system: set.with_grains(set.build(mesh, start), grains, laws, scheme), fluid_rate, grain_rate }
+    let system = set.with_grains(set.build(mesh, start).unwrap(), grains, laws, scheme).unwrap();
+    SlipBox { system, fluid_rate, grain_rate }
 }
 
 impl SlipBox {
@@ -148,7 +150,7 @@ fn heat_box(scheme: SchemeName, conduction: Option<Conduction>) -> (Coupled<2>, 
     let (eta, radius) = (1e-2, f64::sqrt(2.0) / 6.0 + 1e-6);
     let mut set = FluidSet::new(3.0, eta);
     set.heat = Some(heat_properties(0.5));
-    let mesh = grid([4.0, 4.0], [4, 4]);
+    let mesh = grid([4.0, 4.0], [4, 4]).unwrap();
     let start = set.rest(&mesh, 20.0);
     let material = Material {
         density: 7.0,
@@ -159,14 +161,15 @@ fn heat_box(scheme: SchemeName, conduction: Option<Conduction>) -> (Coupled<2>, 
         ..Material::default()
     };
     let settings = Settings { conduction, ..weightless() };
-    let grains = hot_grains(one_per_cell(&mesh), radius, material, settings, 70.0);
+    let grains = hot_grains(one_per_cell(&mesh), radius, material, settings, 70.0).unwrap();
     let phi = grains.particles.volume[0] / 0.5;
     let thermal = ThermalFluid { conductivity: 0.5, prandtl: 1000.0 * eta / 0.5 };
     let around =
         Surroundings { slip: 0.0, voidage: 1.0 - phi, diameter: 2.0 * radius, density: 3.0, viscosity: eta };
     let h = phi * HeatTransfer::RanzMarshall.coefficient(&around, &thermal, VoidageFunction::None);
     let rates = (h / ((1.0 - phi) * 3.0 * 1000.0), h / (phi * 7.0 * 500.0));
-    let system = set.with_grains(set.build(mesh, start), grains, set.laws(Some(thermal)), scheme);
+    let system =
+        set.with_grains(set.build(mesh, start).unwrap(), grains, set.laws(Some(thermal)), scheme).unwrap();
     (system, rates.0, rates.1)
 }
 
@@ -246,15 +249,17 @@ fn a_grain_cools_in_a_stream_as_ranz_and_marshall_say() {
     let scalar = Scalar { capacity: 1.1854 * 1007.0, conductivity: 0.026, thin_cell: None, lumped: true };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 298.15 });
     set.conditions[0].heat = HeatCondition::Temperature(298.15);
-    let mesh = grid([0.4, 0.2], [8, 4]);
+    let mesh = grid([0.4, 0.2], [8, 4]).unwrap();
     let mut start = set.rest(&mesh, 298.15);
     start.velocity.fill(wind);
     let material = Material { density: 8850.0, heat_capacity: 55.0, solidity: 1e-9, ..Material::default() };
-    let mut grain = hot_grains(vec![Vec2::new(0.21, 0.09)], 0.5 * diameter, material, weightless(), 373.15);
+    let mut grain =
+        hot_grains(vec![Vec2::new(0.21, 0.09)], 0.5 * diameter, material, weightless(), 373.15).unwrap();
     grain.particles.mass[0] = f64::INFINITY; // held in the stream
     let thermal = ThermalFluid { conductivity: 0.026, prandtl: 1007.0 * 1.85e-5 / 0.026 };
-    let mut system =
-        set.with_grains(set.build(mesh, start), grain, set.laws(Some(thermal)), SchemeName::Henry);
+    let mut system = set
+        .with_grains(set.build(mesh, start).unwrap(), grain, set.laws(Some(thermal)), SchemeName::Henry)
+        .unwrap();
     if let Some(interaction) = &mut system.interaction {
         interaction.at.velocity[0] = wind;
     }
@@ -275,13 +280,14 @@ fn a_grain_cools_in_a_stream_as_ranz_and_marshall_say() {
 fn a_liquid_at_rest_between_held_grains_stays_at_rest() {
     let mut set = FluidSet::new(1000.0, 1e-3).flow("top", OPEN);
     set.properties.gravity = Vec2::new(0.0, -GRAVITY);
-    let mesh = grid([0.1, 0.1], [10, 10]);
+    let mesh = grid([0.1, 0.1], [10, 10]).unwrap();
     let start = set.rest(&mesh, 0.0);
     let places = (0..25).map(|k| Vec2::new(0.012 + 0.019 * (k % 5) as f64, 0.013 + 0.018 * (k / 5) as f64));
     let material = Material { density: 2500.0, ..Material::default() };
-    let mut held = grains(places.collect(), 0.008, material, Settings::default());
+    let mut held = grains(places.collect(), 0.008, material, Settings::default()).unwrap();
     held.particles.mass.fill(f64::INFINITY);
-    let mut system = set.with_grains(set.build(mesh, start), held, set.laws(None), SchemeName::Henry);
+    let mut system =
+        set.with_grains(set.build(mesh, start).unwrap(), held, set.laws(None), SchemeName::Henry).unwrap();
     for _ in 0..5 {
         system.step(1e-2).expect("a step");
     }
@@ -308,14 +314,14 @@ fn the_pressure_drop_of_a_held_homogeneous_bed_is_that_of_its_drag_law() {
         .flow("bottom", FlowCondition::SuperficialVelocity(Prescribed::Uniform(inflow)))
         .flow("top", OPEN);
     set.numerics.newton = 2;
-    let mesh = grid([0.04, 0.08], [4, 8]);
+    let mesh = grid([0.04, 0.08], [4, 8]).unwrap();
     let mut start = set.rest(&mesh, 0.0);
-    let mut held = grains(one_per_cell(&mesh), radius, Material::default(), weightless());
+    let mut held = grains(one_per_cell(&mesh), radius, Material::default(), weightless()).unwrap();
     let phi = held.particles.volume[0] / 5e-5;
     start.velocity.fill(inflow / (1.0 - phi));
     held.particles.mass.fill(f64::INFINITY);
     let laws = set.laws(None);
-    let mut system = set.with_grains(set.build(mesh, start), held, laws, SchemeName::Henry);
+    let mut system = set.with_grains(set.build(mesh, start).unwrap(), held, laws, SchemeName::Henry).unwrap();
     for _ in 0..20 {
         system.step(0.05).expect("a step");
     }

@@ -4,6 +4,7 @@ mod canvas;
 mod fit;
 mod lines;
 mod maps;
+pub mod panels;
 mod snapshot;
 mod table;
 

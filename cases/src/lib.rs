@@ -1,0 +1,12 @@
+//! The program `voidage` as a library: its commands, the small systems of exact behaviour ([`models`]) and the
+//! verification suite made of them ([`verify`]).
+
+pub mod check;
+pub mod compare;
+pub mod doctor;
+pub mod models;
+pub mod plot;
+pub mod progress;
+pub mod report;
+pub mod run;
+pub mod verify;

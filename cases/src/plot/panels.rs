@@ -1,0 +1,288 @@
+//! Pages of small plots: measured points on exact lines.
+
+use super::canvas::{Area, Canvas, label, pixels, text};
+use plotters::element::{Circle, DashedPathElement};
+use plotters::prelude::*;
+use std::path::{Path, PathBuf};
+use voidage_coupling::Result;
+
+/// Panels side by side, and rows of a page at most.
+const COLUMNS: usize = 3;
+const ROWS: usize = 4;
+/// Size of a panel in pixels of the saved picture.
+const SIZE: [u32; 2] = [560, 430];
+
+// Colours that colour-blind readers can tell apart (Okabe and Ito).
+const COLOURS: [RGBColor; 6] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+];
+
+/// One small plot.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// What stands above.
+    pub title: String,
+    /// Name and unit of the axes.
+    pub labels: [String; 2],
+    /// Which axes are logarithmic.
+    pub log: [bool; 2],
+    /// The curves; values that are not positive are left out on a logarithmic axis.
+    pub curves: Vec<Curve>,
+}
+
+/// One curve.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// Name in the legend; empty for none.
+    pub name: String,
+    /// Points.
+    pub points: Vec<(f64, f64)>,
+    /// How it is drawn.
+    pub style: Style,
+}
+
+/// How a curve is drawn. Lines and dashes without colour are black and grey: what is known; the others take a colour
+/// each, in their order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// Black line: exact.
+    Line,
+    /// Grey dashes: a slope, a bound.
+    Dashes,
+    /// Coloured discs: measured.
+    Points,
+    /// Coloured line: measured, too many points for discs.
+    Measured,
+    /// Coloured discs joined by a line.
+    Joined,
+}
+
+impl Curve {
+    /// The exact curve.
+    pub fn line(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Line }
+    }
+
+    /// Measured values.
+    pub fn points(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Points }
+    }
+
+    /// Measured values, close to each other.
+    pub fn measured(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Measured }
+    }
+
+    /// Measured values that belong together: errors against mesh size.
+    pub fn joined(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Joined }
+    }
+
+    /// A slope or bound to compare with.
+    pub fn dashes(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Dashes }
+    }
+}
+
+impl Panel {
+    /// A panel with linear axes and no curves.
+    pub fn new(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
+        Self { title: title.into(), labels: [x.into(), y.into()], log: [false; 2], curves: Vec::new() }
+    }
+
+    /// The same with logarithmic axes.
+    pub fn log_log(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
+        Self { log: [true; 2], ..Self::new(title, x, y) }
+    }
+}
+
+/// Draws panels on as many pages as they need, `NAME.png` or `NAME-1.png`, `NAME-2.png`, .. in a folder; their paths.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn pages(folder: &Path, name: &str, panels: &[Panel]) -> Result<Vec<PathBuf>> {
+    let count = panels.len().div_ceil(COLUMNS * ROWS).max(1);
+    // Pages as full as each other.
+    let each = panels.len().div_ceil(count).max(1).next_multiple_of(COLUMNS);
+    let mut paths = Vec::new();
+    for (k, part) in panels.chunks(each).enumerate() {
+        let file = if count == 1 { format!("{name}.png") } else { format!("{name}-{}.png", k + 1) };
+        let path = folder.join(file);
+        page(&path, part)?;
+        paths.push(path);
+    }
+    Ok(paths)
+}
+
+fn page(path: &Path, panels: &[Panel]) -> Result<()> {
+    let columns = panels.len().clamp(1, COLUMNS);
+    let rows = panels.len().div_ceil(columns);
+    let mut canvas = Canvas::new(SIZE[0] * columns as u32, SIZE[1] * rows as u32);
+    canvas.draw(path, |area| {
+        for (panel, area) in panels.iter().zip(area.split_evenly((rows, columns))) {
+            draw(panel, &area)?;
+        }
+        Ok(())
+    })?;
+    canvas.save(path)
+}
+
+/// Points of a curve in the coordinates of the chart: decades on a logarithmic axis.
+fn places(panel: &Panel, curve: &Curve) -> Vec<(f64, f64)> {
+    let place = |value: f64, log: bool| if log { value.log10() } else { value };
+    let all = curve.points.iter().map(|(x, y)| (place(*x, panel.log[0]), place(*y, panel.log[1])));
+    all.filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
+}
+
+/// Bounds of an axis around values, with some air; from decade to decade at least on a logarithmic axis.
+fn bounds(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if low > high {
+        return (0.0, 1.0);
+    }
+    let least = if log { 1.0 } else { 1e-6 * high.abs().max(low.abs()).max(1e-300) };
+    let span = (high - low).max(least);
+    let middle = 0.5 * (low + high);
+    (middle - 0.56 * span, middle + 0.56 * span)
+}
+
+fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let curves: Vec<Vec<(f64, f64)>> = panel.curves.iter().map(|curve| places(panel, curve)).collect();
+    let (left, right) = bounds(curves.iter().flatten().map(|point| point.0), panel.log[0]);
+    let (low, high) = bounds(curves.iter().flatten().map(|point| point.1), panel.log[1]);
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, text(19))
+        .margin(pixels(10))
+        .margin_right(pixels(22))
+        .x_label_area_size(pixels(48))
+        .y_label_area_size(pixels(78))
+        .build_cartesian_2d(left..right, low..high)?;
+    chart
+        .configure_mesh()
+        .x_desc(panel.labels[0].as_str())
+        .y_desc(panel.labels[1].as_str())
+        .x_labels(6)
+        .y_labels(7)
+        .x_label_formatter(&*ticks(panel.log[0], left, right))
+        .y_label_formatter(&*ticks(panel.log[1], low, high))
+        .axis_desc_style(text(17))
+        .label_style(text(14))
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(BLACK.mix(0.08).stroke_width(pixels(1)))
+        .axis_style(BLACK.stroke_width(pixels(1)))
+        .set_all_tick_mark_size(pixels(4))
+        .draw()?;
+    let mut colours = COLOURS.iter().cycle();
+    for (curve, points) in panel.curves.iter().zip(&curves) {
+        let colour = match curve.style {
+            Style::Line => BLACK,
+            Style::Dashes => RGBColor(130, 130, 130),
+            _ => *colours.next().unwrap_or(&BLACK),
+        };
+        stroke(&mut chart, curve, points, colour)?;
+    }
+    if panel.curves.iter().any(|curve| !curve.name.is_empty()) {
+        chart
+            .configure_series_labels()
+            .position(emptiest(&curves, [left, low, right, high]))
+            .margin(pixels(8))
+            .legend_area_size(pixels(30))
+            .label_font(text(14))
+            .background_style(WHITE.mix(0.85))
+            .draw()?;
+    }
+    Ok(())
+}
+
+fn stroke(
+    chart: &mut super::canvas::Chart,
+    curve: &Curve,
+    points: &[(f64, f64)],
+    colour: RGBColor,
+) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let (line, disc) = (colour.stroke_width(pixels(2)), pixels(3) as i32);
+    let points = || points.iter().copied();
+    let length = pixels(26) as i32;
+    let discs = matches!(curve.style, Style::Points | Style::Joined);
+    if curve.style == Style::Dashes {
+        let dashes = DashedLineSeries::new(points(), pixels(7), pixels(5), line);
+        let drawn = chart.draw_series(dashes)?;
+        if !curve.name.is_empty() {
+            drawn.label(&curve.name).legend(move |(x, y)| {
+                DashedPathElement::new([(x, y), (x + length, y)], pixels(7), pixels(5), line)
+            });
+        }
+        return Ok(());
+    }
+    if curve.style != Style::Points {
+        let drawn = chart.draw_series(LineSeries::new(points(), line))?;
+        if !discs && !curve.name.is_empty() {
+            drawn.label(&curve.name).legend(move |(x, y)| PathElement::new([(x, y), (x + length, y)], line));
+        }
+    }
+    if discs {
+        let drawn = chart.draw_series(points().map(|point| Circle::new(point, disc, colour.filled())))?;
+        if !curve.name.is_empty() {
+            let middle = length / 2;
+            drawn
+                .label(&curve.name)
+                .legend(move |(x, y)| Circle::new((x + middle, y), disc, colour.filled()));
+        }
+    }
+    Ok(())
+}
+
+/// The corner with the fewest points near it: where the legend hides least.
+fn emptiest(curves: &[Vec<(f64, f64)>], [left, low, right, high]: [f64; 4]) -> SeriesLabelPosition {
+    let near = |right_side: bool, upper: bool| {
+        let inside = |(x, y): &&(f64, f64)| {
+            let (across, up) = ((x - left) / (right - left), (y - low) / (high - low));
+            let across = if right_side { across > 0.45 } else { across < 0.55 };
+            across && if upper { up > 0.6 } else { up < 0.4 }
+        };
+        // A curve of many points hides as much as one of few.
+        let share =
+            |curve: &Vec<(f64, f64)>| curve.iter().filter(inside).count() as f64 / curve.len().max(1) as f64;
+        curves.iter().map(share).sum::<f64>()
+    };
+    let corners = [
+        (SeriesLabelPosition::UpperRight, near(true, true)),
+        (SeriesLabelPosition::UpperLeft, near(false, true)),
+        (SeriesLabelPosition::LowerRight, near(true, false)),
+        (SeriesLabelPosition::LowerLeft, near(false, false)),
+    ];
+    let best = corners.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    best.map_or(SeriesLabelPosition::UpperRight, |(corner, _)| corner)
+}
+
+/// Labels of an axis; powers of ten on a logarithmic one, plain numbers where it spans little.
+fn ticks(log: bool, low: f64, high: f64) -> Box<dyn Fn(&f64) -> String> {
+    if !log {
+        return Box::new(label(low, high));
+    }
+    if high - low < 2.5 {
+        return Box::new(|decades| {
+            let value = 10f64.powf(*decades);
+            let digits = (1 - decades.floor() as i32).clamp(0, 8) as usize;
+            format!("{value:.digits$}")
+        });
+    }
+    Box::new(|decades| {
+        if (decades - decades.round()).abs() > 1e-6 {
+            return String::new();
+        }
+        let raised = |digit: char| match digit {
+            '-' => '\u{207b}',
+            '1' => '\u{b9}',
+            '2' => '\u{b2}',
+            '3' => '\u{b3}',
+            digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
+        };
+        format!("10{}", format!("{decades:.0}").chars().map(raised).collect::<String>())
+    })
+}

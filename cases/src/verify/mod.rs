@@ -1,0 +1,156 @@
+//! `voidage verify`: problems with known answers, solved and compared.
+//!
+//! A case is one file: what is solved, where the answer comes from, and the findings. The quick forms are part of the
+//! tests; the full forms are what the README claims.
+
+mod case;
+pub mod coupled;
+pub mod fluid;
+pub mod grains;
+mod record;
+
+pub use case::{Case, Effort, Finding, Outcome};
+
+use crate::plot::panels::{self, Panel};
+use crate::progress::{Progress, duration};
+use crate::run::start_threads;
+use clap::Args;
+use record::Record;
+use std::path::PathBuf;
+use std::time::Instant;
+use tracing::warn;
+use voidage_coupling::recorder::create_folder;
+use voidage_coupling::{Error, Result};
+
+/// Options of `voidage verify`.
+#[derive(Args)]
+pub struct Options {
+    /// Short forms, a minute in all: coarse meshes, and what they allow.
+    #[arg(long)]
+    quick: bool,
+    /// Only the case or group of this name (may be repeated).
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// Folder of results.
+    #[arg(long, default_value = "out/verification")]
+    out: PathBuf,
+    /// List the cases and stop.
+    #[arg(long)]
+    list: bool,
+    /// Number of threads; results do not depend on it. Default: one per core.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// No bar, few lines.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// All cases, in the order in which they run.
+pub fn cases() -> Vec<Case> {
+    [fluid::CASES, coupled::CASES, grains::CASES].concat()
+}
+
+/// Solves the cases; exit code 1 if a finding is outside of what is allowed.
+///
+/// # Errors
+/// Unknown names, files that cannot be written.
+pub fn verify(options: &Options) -> Result<u8> {
+    let chosen = choose(&options.only)?;
+    if options.list {
+        list(&chosen);
+        return Ok(0);
+    }
+    start_threads(options.threads)?;
+    create_folder(&options.out)?;
+    let effort = if options.quick { Effort::Quick } else { Effort::Full };
+    let mut record = Record::create(&options.out.join("verification.csv"))?;
+    let mut drawn: Vec<Panel> = Vec::new();
+    let (mut missed, mut count) = (0, 0);
+    let progress = Progress::of("case", 0, chosen.len() as u64, options.quiet);
+    for (done, case) in chosen.iter().enumerate() {
+        progress.tell(done as u64, case.name);
+        let start = Instant::now();
+        let outcome = solve(case, effort);
+        let wall = start.elapsed().as_secs_f64();
+        record.add(case, &outcome.findings, wall)?;
+        print(case, &outcome.findings, wall);
+        missed += outcome.findings.iter().filter(|finding| !finding.passes()).count();
+        count += outcome.findings.len();
+        drawn.extend(outcome.panels);
+    }
+    progress.tell(chosen.len() as u64, "done");
+    for page in panels::pages(&options.out, "verification", &drawn)? {
+        println!("{}", page.display());
+    }
+    println!("{}", options.out.join("verification.csv").display());
+    println!("{} of {count} findings are outside of what is allowed", missed);
+    Ok(u8::from(missed > 0))
+}
+
+/// Solves a case. One that cannot be solved is a finding without a number, so that the others still run.
+pub fn solve(case: &Case, effort: Effort) -> Outcome {
+    (case.run)(effort).unwrap_or_else(|error| {
+        warn!("{}: {error}", case.name);
+        let failed = Finding::absolute("solved", "1", 1.0, f64::NAN, 0.0);
+        Outcome { findings: vec![failed], ..Outcome::default() }
+    })
+}
+
+/// The cases of the given names and groups, all without.
+fn choose(names: &[String]) -> Result<Vec<Case>> {
+    let all = cases();
+    let named = |case: &Case, name: &String| case.name == name || case.group == name;
+    if let Some(name) = names.iter().find(|name| !all.iter().any(|case| named(case, name))) {
+        let known: Vec<&str> = all.iter().map(|case| case.name).collect();
+        return Err(Error::Input(format!(
+            "--only {name}: there is no such case\n  help: use fluid, coupled, grains or one of {}",
+            known.join(", ")
+        )));
+    }
+    Ok(all
+        .into_iter()
+        .filter(|case| names.is_empty() || names.iter().any(|name| named(case, name)))
+        .collect())
+}
+
+fn list(cases: &[Case]) {
+    let width = cases.iter().map(|case| case.name.len()).max().unwrap_or(0);
+    for Case { name, group, title, source, .. } in cases {
+        println!("{group:<8} {name:<width$}  {title}\n{:<width$}           {source}", "");
+    }
+}
+
+/// The table of one case, when it is done.
+fn print(case: &Case, findings: &[Finding], wall: f64) {
+    println!("{}: {} ({})", case.name, case.title, duration(wall));
+    for finding in findings {
+        let [low, high] = finding.allowed;
+        let allowed = match (low.is_finite(), high.is_finite()) {
+            (true, true) => {
+                format!("{} +- {:.1e}", number(finding.expected), (0.5 * (high - low)))
+            }
+            (true, false) => format!(">= {}", number(low)),
+            _ => format!("<= {}", number(high)),
+        };
+        let verdict = if finding.passes() { "ok" } else { "MISSED" };
+        let order = finding.order.map_or(String::new(), |order| format!("  order {order:.2}"));
+        println!(
+            "    {:<58} {:>13} {:<9} {allowed:<26} {verdict}{order}",
+            finding.quantity,
+            number(finding.measured),
+            finding.unit
+        );
+    }
+}
+
+/// A number for reading: plain where it is of a handy size.
+fn number(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-3..1e5).contains(&size) => {
+            let digits = (4 - size.log10().floor() as i32).clamp(0, 7) as usize;
+            format!("{value:.digits$}")
+        }
+        _ => format!("{value:.4e}"),
+    }
+}

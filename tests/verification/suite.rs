@@ -1,0 +1,8 @@
+//! The quick forms of `voidage verify`.
+
+use voidage_tests::verify_quickly;
+
+#[test]
+fn the_fluid_alone() {
+    verify_quickly("fluid");
+}
