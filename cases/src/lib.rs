@@ -9,4 +9,5 @@ pub mod plot;
 pub mod progress;
 pub mod report;
 pub mod run;
+pub mod stability;
 pub mod verify;

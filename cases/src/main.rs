@@ -6,7 +6,7 @@ use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
-use voidage::{check, compare, doctor, plot, progress, report, run, verify};
+use voidage::{check, compare, doctor, plot, progress, report, run, stability, verify};
 use voidage_coupling::transport::Address;
 use voidage_coupling::{Error, Result};
 
@@ -30,6 +30,8 @@ enum Command {
     Compare(compare::Options),
     /// Solve cases with known answers; exit code 1 if one is missed by more than is allowed.
     Verify(verify::Options),
+    /// Map what is stable: every coupling scheme over density, step, voidage and so on, against theory.
+    Stability(stability::Options),
     /// Read a scene, check it, and say which parts are on and how large they are.
     Check {
         /// Scene file (TOML).
@@ -82,6 +84,7 @@ fn perform(command: Command) -> Result<u8> {
         Command::Run(options) => run::run(&options),
         Command::Compare(options) => compare::compare(&options),
         Command::Verify(options) => verify::verify(&options),
+        Command::Stability(options) => stability::stability(&options),
         Command::Check { scene, sets } => check::check(&scene, &sets),
         Command::Plot { folder } => {
             let pictures = plot::draw(&folder)?;

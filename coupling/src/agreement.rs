@@ -1,6 +1,7 @@
 //! How far grains and fluid are from each other at the end of a step, and what is carried to the next.
 
-use crate::backend::GrainLoad;
+use crate::Interaction;
+use crate::backend::{GrainLoad, HeatLoad};
 use serde::{Deserialize, Serialize};
 use voidage_dem::{Dem, Vector};
 
@@ -25,7 +26,8 @@ impl<const D: usize> Carried<D> {
 pub struct Agreement {
     /// Solutions of the fluid.
     pub solves: usize,
-    /// (gamma + rho_f V/dt) |v - v*| over weight and force, root of the sums of squares over the grains.
+    /// gamma |v - v*| and rho_f V/dt |v - v*|, of momentum and of the solid flux, over weight and force: root of the
+    /// sums of squares over the grains.
     pub disagreement: f64,
     /// hA |T - T*| over hA times the range of temperatures, likewise; zero without heat.
     pub heat_disagreement: f64,
@@ -54,37 +56,48 @@ pub struct Comparison<'a, const D: usize> {
 }
 
 impl<const D: usize> Comparison<'_, D> {
-    /// Compares the velocities that the fluid expected with those that the grains have, m/s.
-    pub fn motion(
-        &self,
-        expected: impl Fn(usize) -> Vector<D>,
-        moved: impl Fn(usize) -> Vector<D>,
-    ) -> Agreement {
+    /// Weighs, by grain, the force that the fluid did not lose (N) and the difference of the solid's velocity (m/s).
+    pub fn motion(&self, difference: impl Fn(usize) -> (Vector<D>, Vector<D>)) -> Agreement {
         let (particles, gravity) = (&self.grains.particles, self.grains.settings().gravity.norm());
         let mut agreement = Agreement { solves: 1, converged: true, ..Agreement::default() };
         let (mut sum, mut scale, mut most) = (0.0, 0.0, 0.0);
         for i in (0..particles.len()).filter(|&i| !particles.held(i)) {
-            let worth = self.load.drag[i] + self.density * self.load.volume[i] / self.dt;
-            let speed = (moved(i) - expected(i)).norm();
-            sum += (worth * speed).powi(2);
+            let (force, velocity) = difference(i);
+            let inertia = self.density * self.load.volume[i] / self.dt;
+            let worth = force.norm_squared() + (velocity * inertia).norm_squared();
+            sum += worth;
             scale += (particles.mass[i] * gravity).powi(2) + self.force[i].norm_squared();
-            if worth * speed > most {
-                (most, agreement.worst, agreement.worst_speed) = (worth * speed, i as u32, speed);
+            if worth > most {
+                (most, agreement.worst, agreement.worst_speed) = (worth, i as u32, velocity.norm());
             }
         }
         agreement.disagreement = share(sum, scale);
         agreement
     }
 
-    /// Disagreement of the temperatures, both in K, over the range between `bounds`.
-    pub fn heat(&self, expected: impl Fn(usize) -> f64, warmed: &[f64], bounds: (f64, f64)) -> f64 {
-        let Some(law) = &self.load.heat else { return 0.0 };
+    /// Weighs the heat that the fluid did not lose (W, by grain) against hA times the range of temperatures.
+    pub fn heat(&self, law: &HeatLoad, bounds: (f64, f64), difference: impl Fn(usize) -> f64) -> f64 {
         let (mut sum, mut scale) = (0.0, 0.0);
-        for (i, temperature) in warmed.iter().enumerate() {
-            sum += (law.coefficient[i] * (temperature - expected(i))).powi(2);
-            scale += (law.coefficient[i] * (bounds.1 - bounds.0)).powi(2);
+        for (i, coefficient) in law.coefficient.iter().enumerate() {
+            sum += difference(i).powi(2);
+            scale += (coefficient * (bounds.1 - bounds.0)).powi(2);
         }
         share(sum, scale)
+    }
+}
+
+impl<const D: usize> Interaction<D> {
+    /// Impulse that the fluid will still have to give when grain `i` moves at `velocity` (mean over the step): what it had to
+    /// before, and gamma (v* - v) dt, N s.
+    pub(crate) fn pending(&self, velocity: Vector<D>, dt: f64, i: usize) -> Vector<D> {
+        let before = self.carried.as_ref().map_or_else(Vector::zeros, |carried| carried.impulse[i]);
+        before + (self.load.expected(&self.at, i) - velocity) * (self.load.drag[i] * dt)
+    }
+
+    /// The same for heat, J, for a mean temperature.
+    pub(crate) fn pending_heat(&self, law: &HeatLoad, temperature: f64, dt: f64, i: usize) -> f64 {
+        let before = self.carried.as_ref().map_or(0.0, |carried| carried.heat[i]);
+        before + (law.expected(&self.at, i) - temperature) * (law.coefficient[i] * dt)
     }
 }
 

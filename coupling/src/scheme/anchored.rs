@@ -1,42 +1,52 @@
-//! The law anchored at the response of the grains: v* = w + M (f - f_k).
+//! Laws anchored at the response of the grains: v* = w + M (f - f_k), one for momentum and one for the solid flux.
 //!
 //! f = gamma u - V grad p is what the fluid pushes a grain with. Under a push f_k that is known - that of the last step, or of
 //! the last iterate - the grains are moved on trial, contacts, walls and implicit drag included: w = R(f_k) is their
 //! mean velocity over the step. M stands for the slope dR/df. Whatever M, where the fluid answers with f_k again the law gives
-//! R(f_k), the exact coupled solution; M decides only how fast that is reached.
+//! R(f_k), the exact coupled solution; M decides only whether and how fast that is reached.
 //!
 //! **Which M.** Let mu = m/dt. The contacts of Moreau's step project the velocities (frictionless: an orthogonal
-//! projection in the metric of mu + gamma), so R has slopes T between 0 (held) and T_0 = 1/(mu + gamma) (free). The fluid
-//! answers to velocities v with f = (gamma - H) v + const, where H >= 0 is the force that it resists with (drag against the
-//! fluid that is not carried along, added mass). With s = (gamma - H)/(mu + gamma) < 1 and M = theta T_0, T = tau T_0, one
-//! iteration multiplies the error by
+//! projection in the metric of mu + gamma), so R has slopes T = tau T_0 with tau between 0 (held) and 1 (free) and
+//! T_0 = 1/(mu + gamma). Take M = theta T_0, with theta_m in the law of momentum and theta_c in that of the flux, and
+//! A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), r = (rho_f/rho_p)(phi/eps) as in physics.md.
+//!
+//! *Shear*, which no pressure opposes: the fluid follows the grains by u = A/(1 + A) v, so that one iteration multiplies
+//! the error by
 //!
 //! ```text
-//!     s (tau - theta) / (1 - s theta)
+//!     s (tau - theta_m) / (1 - s theta_m),     s = A B / ((1 + A) (1 + B)) in [0, 1[
 //! ```
 //!
-//! - theta = tau is exact in one iteration: a free grain with theta = 1 (then the law is that of `henry-free`), a grain that
-//!   is held fast with theta = 0;
-//! - theta = 1 for a held grain gives -s / (1 - s): unstable for s > 1/2, fine grains that a liquid follows
-//!   (this is the instability of `henry`);
-//! - theta = 0 for a free grain gives s: unstable for s < -1, light grains in a liquid (the instability of `explicit`);
-//! - **theta = 1/2 gives at most |s / (2 - s)| < 1 for every tau in \[0, 1\] and every fluid.** In terms of operators: R is
-//!   T_0 times a firmly non-expansive map, so 2 R / T_0 - 1 is non-expansive, and H monotone makes the other factor
-//!   a contraction. That is why no tensor is needed: where it is not known what the contacts allow, one half is safe.
+//! theta_m = 1 for a held grain gives -s/(1 - s), unstable for s > 1/2: fine grains in a liquid (the instability of
+//! `henry`). theta_m = 0 gives s tau: stable for all grains, exact for held ones.
 //!
-//! So a grain without contacts has theta = 1; a grain held in all directions by a chain of contacts that reaches
-//! a wall has theta = 0; all others, clusters in the air (which move freely as a whole, but not inside) and grains with
-//! a direction left open, have 1/2.
+//! *Compression*: eps u + phi v* = 0 and the momentum of the fluid give, with X = (B phi/eps^2 + r)/(1 + B) and
+//! Y = (B phi/eps)/(1 + B) < X, for theta_m = 0 the factor
+//!
+//! ```text
+//!     (X (theta_c - tau) - Y tau) / (1 + X theta_c)
+//! ```
+//!
+//! theta_c = 0 for a free grain gives -(X + Y): unstable for light grains or stiff drag (the instability of `explicit`).
+//! theta_c = 1 gives a number between -Y/(1 + X) and X/(1 + X) for every tau: stable for all grains.
+//!
+//! So **theta_m = 0 with theta_c = 1 is stable whatever the contacts allow**: it treats drag as if the grain were held and
+//! the flux as if it were free. One law for both cannot be: shear asks for theta <= 1/2, compression for theta >= 1/2. Where
+//! more is known the laws are made exact: a grain without contacts gets theta = 1 in both (then they are those of
+//! `henry-free`), a grain held in all directions by a chain of contacts that reaches a wall gets theta = 0 in both. No
+//! tensor is needed.
 //!
 //! **Momentum.** The grains move with implicit drag, so that a contact that opens leaves no wrong velocity; they get
-//! f - gamma w' where the fluid expected f - gamma v*. The difference gamma (v* - w') dt is carried to the next
-//! step and given to the fluid there, so nothing is lost over time. The solid flux in the equation of mass does not contain it:
-//! that is the second law of the load ([`crate::backend::GrainLoad::continuity`]).
+//! f - gamma v where the fluid expected f - gamma v*. The difference gamma (v* - v) dt is carried to the next step and
+//! given to the fluid there, so nothing is lost over time. The solid flux does not contain it. With theta_m = 0 the
+//! carried impulse makes the fluid see w extrapolated, R(2 f_k - f_(k-1)): shear then has the roots of z^2 = s tau (2 z - 1), of
+//! modulus sqrt(s tau) < 1; compression those of (1 + X) z^2 = (X (1 - tau) - 2 Y tau) z + Y tau, which stay within the unit
+//! circle because at z = -1, tau = 1 and large B they leave (2 eps - 1)^2/eps^2 >= 0.
 //!
 //! **Heat.** The same with temperatures: f becomes hA T, the response is that of the grains conducting through their
 //! contacts. Here the slope is the inverse of a symmetric matrix with the diagonal C/dt + hA + sum H, and M is one over
 //! that diagonal. It does not exceed the true diagonal of the inverse, so T* is a mean of temperatures with positive weights
-//! and stays within their bounds; the iteration always contracts (physics.md, section 5, leaves this case open).
+//! and stays within their bounds; the iteration always contracts.
 
 use crate::{Coupled, Interaction};
 use voidage_dem::{Bond, Bonds, Dem};
@@ -70,19 +80,15 @@ pub struct Anchor {
     bonds: Bonds,
 }
 
-/// theta where all directions are held. Not zero: in an element full of grain the mobility is what couples the pressures
-/// of its nodes.
+/// theta_c of a held grain. Not zero: in an element full of grain the mobility is what couples the pressures of its nodes.
 const HELD: f64 = 1e-3;
 
-/// theta that is safe whatever the contacts allow.
-const SAFE: f64 = 0.5;
-
-/// Share theta of the mobility of a free grain.
-fn share<const D: usize>(bond: Bond, cautious: bool) -> f64 {
+/// The shares theta of momentum and flux.
+fn shares<const D: usize>(bond: Bond, cautious: bool) -> [f64; 2] {
     match bond.directions as usize {
-        0 => 1.0,
-        held if held == D && bond.grounded && !cautious => HELD,
-        _ => SAFE,
+        0 => [1.0, 1.0],
+        held if held == D && bond.grounded && !cautious => [0.0, HELD],
+        _ => [0.0, 1.0],
     }
 }
 
@@ -98,6 +104,12 @@ pub fn slope(mass: f64, drag: f64, dt: f64, count: usize) -> f64 {
         power *= ratio;
     }
     sum / (count as f64 * (inertia + drag))
+}
+
+/// What v* must be lower by for the fluid to give the impulse `carried` (N s) at a drag times dt of `drag` (kg):
+/// f - gamma (v* - c / (gamma dt)) = f - gamma v* + c/dt.
+pub fn owed<const D: usize>(carried: Vector<D>, drag: f64) -> Vector<D> {
+    if drag > 0.0 { carried / drag } else { Vector::zeros() }
 }
 
 impl Anchor {
@@ -120,17 +132,12 @@ impl Anchor {
         flux.velocity.resize(particles.len(), Vector::zeros());
         for i in 0..particles.len() {
             let drag = load.drag[i];
-            let mobility = match particles.held(i) {
-                true => 0.0,
-                false => {
-                    share::<D>(self.bonds.of(i), cautious) * slope(particles.mass[i], drag, dt, substeps)
-                }
-            };
-            let velocity = response[i] - push.force[i] * mobility;
-            (flux.mobility[i], flux.velocity[i]) = (mobility, velocity);
-            // f - gamma (v* - c / (gamma dt)): the fluid makes up for the impulse c.
-            let owed = if drag > 0.0 { carried.impulse[i] / (drag * dt) } else { Vector::zeros() };
-            (load.mobility[i], load.velocity[i]) = (mobility, velocity - owed);
+            let free = if particles.held(i) { 0.0 } else { slope(particles.mass[i], drag, dt, substeps) };
+            let [momentum, mass] = shares::<D>(self.bonds.of(i), cautious).map(|share| share * free);
+            let around = |mobility: f64| (mobility, response[i] - push.force[i] * mobility);
+            (flux.mobility[i], flux.velocity[i]) = around(mass);
+            (load.mobility[i], load.velocity[i]) = around(momentum);
+            load.velocity[i] -= owed(carried.impulse[i], drag * dt);
         }
         self.fill_heat(grains, interaction, push, (dt, substeps));
     }

@@ -12,7 +12,7 @@ use super::Scheme;
 use super::anchored::{Anchor, Push};
 use super::relaxation::{Relaxation, Relaxer};
 use crate::agreement::Comparison;
-use crate::{Agreement, Coupled, StepReport, error::Result};
+use crate::{Agreement, Carried, Coupled, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -162,13 +162,14 @@ fn agreement<const D: usize>(coupled: &Coupled<D>, dt: f64) -> Agreement {
     let comparison =
         Comparison { grains, load, density: interaction.laws.density, dt, force: &interaction.force };
     let moved = grains.mean_velocity();
-    let mut agreement = comparison.motion(|i| load.expected_in_flux(at, i), |i| moved[i]);
+    let mut agreement = comparison
+        .motion(|i| (interaction.pending(moved[i], dt, i) / dt, load.expected_in_flux(at, i) - moved[i]));
     if let (Some(law), Some(heat)) = (&load.heat, &grains.particles.heat) {
         let all = at.temperature.iter().chain(&heat.temperature);
         let bounds = all.fold((f64::MAX, f64::MIN), |(low, high), t| (low.min(*t), high.max(*t)));
-        let carried = |i: usize| interaction.carried.as_ref().map_or(0.0, |carried| carried.heat[i]);
-        let expected = |i: usize| law.expected(at, i) + law.owed(carried(i), dt, i);
-        agreement.heat_disagreement = comparison.heat(expected, grains.mean_temperature(), bounds);
+        let warmed = grains.mean_temperature();
+        agreement.heat_disagreement =
+            comparison.heat(law, bounds, |i| interaction.pending_heat(law, warmed[i], dt, i) / dt);
     }
     agreement
 }
@@ -183,23 +184,17 @@ fn settle<const D: usize>(
     let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else {
         return agreement;
     };
-    let Some(mut carried) = interaction.carried.take() else { return agreement };
-    let (load, at, moved) = (&interaction.load, &interaction.at, grains.mean_velocity());
-    for (i, impulse) in carried.impulse.iter_mut().enumerate() {
-        let drag = load.drag[i];
-        interaction.force[i] = push.force[i] - moved[i] * drag;
-        if drag > 0.0 {
-            *impulse = (load.expected_in_flux(at, i) - moved[i]) * (drag * dt);
-        }
+    let moved = grains.mean_velocity();
+    let mut carried = Carried::none(moved.len());
+    for i in 0..moved.len() {
+        carried.impulse[i] = interaction.pending(moved[i], dt, i);
+        interaction.force[i] = push.force[i] - moved[i] * interaction.load.drag[i];
     }
-    if let Some(law) = &load.heat {
-        for (i, heat) in carried.heat.iter_mut().enumerate() {
-            let (transfer, warmed) = (law.coefficient[i], grains.mean_temperature()[i]);
-            interaction.heat[i] = push.heat[i] - transfer * warmed;
-            if transfer > 0.0 {
-                let expected = law.expected(at, i) + law.owed(*heat, dt, i);
-                *heat = transfer * (expected - warmed) * dt;
-            }
+    if let Some(law) = &interaction.load.heat {
+        let warmed = grains.mean_temperature();
+        for i in 0..warmed.len() {
+            carried.heat[i] = interaction.pending_heat(law, warmed[i], dt, i);
+            interaction.heat[i] = push.heat[i] - law.coefficient[i] * warmed[i];
         }
     }
     let total = carried.impulse.iter().sum::<Vector<D>>().norm();

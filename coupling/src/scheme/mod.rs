@@ -89,8 +89,10 @@ fn once<const D: usize>(
         let (load, at) = (&interaction.load, &interaction.at);
         let comparison =
             Comparison { grains, load, density: interaction.laws.density, dt, force: &interaction.force };
-        let agreement = comparison.motion(|i| load.expected(at, i), |i| grains.particles.velocity[i]);
-        report.agreement = Some(agreement);
+        let velocity = &grains.particles.velocity;
+        report.agreement = Some(comparison.motion(|i| {
+            ((load.expected(at, i) - velocity[i]) * load.drag[i], load.expected_in_flux(at, i) - velocity[i])
+        }));
     }
     coupled.accept(dt);
     Ok(report)

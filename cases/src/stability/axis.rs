@@ -1,0 +1,69 @@
+//! What an axis of the map is, and what a point of it gives.
+
+use crate::verify::Effort;
+use serde::{Deserialize, Serialize};
+use voidage_coupling::Result;
+use voidage_coupling::scheme::SchemeName;
+
+/// Two parameters swept together, with every scheme.
+#[derive(Clone, Copy)]
+pub struct Axis {
+    /// Name for `--only`.
+    pub name: &'static str,
+    /// What is swept, in one sentence.
+    pub title: &'static str,
+    /// Where the expected values come from.
+    pub source: &'static str,
+    /// The two parameters, with their units.
+    pub labels: [&'static str; 2],
+    /// The points.
+    pub points: fn(Effort) -> Vec<[f64; 2]>,
+    /// Runs one point.
+    pub run: fn([f64; 2], SchemeName, Effort) -> Result<Sample>,
+    /// Whether theory says that a scheme is stable at a point; none where there is no theory.
+    pub theory: fn([f64; 2], SchemeName) -> Option<bool>,
+}
+
+/// How a point ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Nothing grows, and what is measured is what theory says.
+    Passes,
+    /// Nothing grows, but what is measured is not what theory says.
+    Wrong,
+    /// Something grows without bound.
+    Unstable,
+    /// The run ended with an error.
+    Failed,
+}
+
+/// What a point gives.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// How it ended.
+    pub verdict: Verdict,
+    /// What was measured: an amplification factor, a ratio of pressures.
+    pub measured: f64,
+    /// What it should be; not a number where there is no theory.
+    pub expected: f64,
+    /// Solutions of the fluid per step.
+    pub solves: f64,
+}
+
+impl Sample {
+    /// A sample that passes if nothing grew and the measured value is within `tolerance` of the expected one.
+    pub fn judge(bounded: bool, measured: f64, expected: f64, tolerance: f64, solves: f64) -> Self {
+        let verdict = match (bounded && measured.is_finite(), (measured - expected).abs() <= tolerance) {
+            (false, _) => Verdict::Unstable,
+            (true, true) => Verdict::Passes,
+            (true, false) => Verdict::Wrong,
+        };
+        Self { verdict, measured, expected, solves }
+    }
+}
+
+/// The product of two lists.
+pub fn product(x: &[f64], y: &[f64]) -> Vec<[f64; 2]> {
+    x.iter().flat_map(|&x| y.iter().map(move |&y| [x, y])).collect()
+}
