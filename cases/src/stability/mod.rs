@@ -1,6 +1,7 @@
 //! `voidage stability`: the map of what is stable, for every coupling scheme, against theory where there is one.
 
 mod axis;
+mod bed;
 mod modes;
 
 pub use axis::{Axis, Sample, Verdict};
@@ -23,7 +24,7 @@ pub struct Options {
 
 /// All axes.
 pub fn axes() -> Vec<Axis> {
-    [modes::AXES].concat()
+    [modes::AXES, bed::AXES].concat()
 }
 
 /// Runs the map.
@@ -38,6 +39,7 @@ pub fn stability(options: &Options) -> Result<u8> {
         }
         println!("{}: {}", axis.name, axis.title);
         for scheme in SchemeName::ALL {
+            if std::env::var("SCHEME").is_ok_and(|name| name != format!("{scheme:?}")) { continue; }
             for point in (axis.points)(effort) {
                 let theory = (axis.theory)(point, scheme);
                 match (axis.run)(point, scheme, effort) {
