@@ -66,6 +66,7 @@ fn main() -> ExitCode {
         Command::Run(options) => options.quiet,
         Command::Compare(options) => options.quiet,
         Command::Verify(options) => options.quiet,
+        Command::Stability(options) => options.quiet,
         _ => false,
     };
     progress::start_logging(quiet);

@@ -12,7 +12,7 @@ use tracing::{info, warn};
 use voidage_coupling::launch::Host;
 use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
 use voidage_coupling::scene::{Scene, Solver};
-use voidage_coupling::{Error, Result, Simulation};
+use voidage_coupling::{Agreement, Error, Result, Simulation};
 
 /// Options of `voidage run`.
 #[derive(Args)]
@@ -208,6 +208,10 @@ impl Run {
             self.summary.steps_of_this_process += 1;
             self.record()?;
             let step = self.simulation.steps();
+            let disagreement = report.agreement.as_ref().and_then(Agreement::complaint);
+            if let (Some(complaint), 1) = (disagreement, self.simulation.totals().disagreeing_steps.unwrap_or(0)) {
+                warn!("step {step}: {complaint}\n  (later steps of this kind are counted in summary.json)");
+            }
             progress.show(step, || News {
                 time: self.simulation.time(),
                 grains: self.summary.grains,
@@ -289,6 +293,8 @@ impl Run {
         summary.phases_s = phases;
         summary.max_penetration_over_radius = totals.max_penetration_over_radius;
         summary.unconverged_steps = totals.unconverged_steps;
+        summary.fluid_solves = totals.fluid_solves;
+        summary.disagreeing_steps = totals.disagreeing_steps;
         summary.momentum_exchange_defect = totals.momentum_exchange_defect;
         summary.energy_exchange_defect = totals.energy_exchange_defect;
         summary.solid_volume_defect = totals.solid_volume_defect;

@@ -107,6 +107,21 @@ fn share(sum: f64, scale: f64) -> f64 {
 }
 
 impl Agreement {
+    /// What to tell the user of a step that did not converge, and which option helps.
+    pub fn complaint(&self) -> Option<String> {
+        let heat = match self.heat_disagreement > self.disagreement {
+            true => format!("; temperatures by {:.1e} of their range", self.heat_disagreement),
+            false => String::new(),
+        };
+        let text = format!(
+            "grains and fluid disagree by {:.1e} of weight and force after {} solutions, most at grain {} \
+             (by {:.1e} m/s){heat}\n  help: set coupling.iteration.auto = true (steps in halves where needed), \
+             more coupling.iteration.most, or a smaller time.step",
+            self.disagreement, self.solves, self.worst, self.worst_speed
+        );
+        (!self.converged).then_some(text)
+    }
+
     /// This part of a step after another one, with solutions spent on attempts beside: the worse of both.
     pub fn after(self, first: Option<&Self>, spent: usize) -> Self {
         let Some(first) = first else { return Self { solves: self.solves + spent, ..self } };

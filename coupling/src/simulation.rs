@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::launch::Host;
 use crate::recorder::{Checkpoint, FluidView, GrainView, View};
 use crate::scene::Scene;
-use crate::{Coupled, Phases, StepReport, build};
+use crate::{Carried, Coupled, Phases, StepReport, build};
 use serde::{Deserialize, Serialize};
 use voidage_fluid::Vector;
 use voidage_fluid::exchange::AtBodies;
@@ -32,6 +32,10 @@ pub struct Totals {
     pub max_penetration_over_radius: Option<f64>,
     /// Steps whose contacts did not reach the tolerance.
     pub unconverged_steps: u64,
+    /// Solutions of the fluid; with grains and fluid only.
+    pub fluid_solves: Option<u64>,
+    /// Steps in which grains and fluid did not agree within the tolerance; with both only.
+    pub disagreeing_steps: Option<u64>,
     /// Largest [`StepReport::momentum_exchange_defect`].
     pub momentum_exchange_defect: Option<f64>,
     /// Largest [`StepReport::energy_exchange_defect`].
@@ -48,6 +52,7 @@ pub struct State {
     grains: Option<voidage_dem::State<2>>,
     fluid: Option<flow::State<2>>,
     at: Option<AtBodies<2>>,
+    carried: Option<Carried<2>>,
 }
 
 impl Totals {
@@ -57,6 +62,10 @@ impl Totals {
         };
         self.phases.add(&report.phases);
         self.unconverged_steps += u64::from(report.grains.is_some_and(|grains| !grains.converged));
+        if let Some(agreement) = &report.agreement {
+            *self.fluid_solves.get_or_insert(0) += agreement.solves as u64;
+            *self.disagreeing_steps.get_or_insert(0) += u64::from(!agreement.converged);
+        }
         raise(&mut self.max_penetration_over_radius, report.grains.map(|g| g.max_penetration_over_radius));
         raise(&mut self.momentum_exchange_defect, report.momentum_exchange_defect);
         raise(&mut self.energy_exchange_defect, report.energy_exchange_defect);
@@ -100,6 +109,7 @@ impl Simulation {
         }
         if let (Some(interaction), Some(at)) = (&mut coupled.interaction, state.at) {
             interaction.at = at;
+            interaction.carried = state.carried;
         }
         Ok(self)
     }
@@ -226,6 +236,12 @@ impl Simulation {
             readings.push(("linear_iterations", fluid.flow_iterations as f64));
         }
         if let Some(interaction) = &self.coupled.interaction {
+            let agreement = last.agreement.unwrap_or_default();
+            readings.extend([
+                ("fluid_solves", agreement.solves as f64),
+                ("coupling_disagreement", agreement.disagreement),
+                ("carried_impulse_share", agreement.carried),
+            ]);
             readings.push(("momentum_exchange_defect", last.momentum_exchange_defect.unwrap_or(0.0)));
             if interaction.load.heat.is_some() {
                 readings.push(("fluid_to_grain_heat_W_per_m", interaction.heat.iter().sum()));
@@ -256,6 +272,7 @@ impl Simulation {
             grains: coupled.grains.as_ref().map(|grains| grains.state()),
             fluid,
             at: coupled.interaction.as_ref().map(|interaction| interaction.at.clone()),
+            carried: coupled.interaction.as_ref().and_then(|interaction| interaction.carried.clone()),
         })
     }
 }

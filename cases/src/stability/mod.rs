@@ -1,53 +1,187 @@
 //! `voidage stability`: the map of what is stable, for every coupling scheme, against theory where there is one.
+//!
+//! An axis is one file: a system, two parameters, what is measured and what it should be. A point passes when nothing grows
+//! and what is measured is what theory says. The default scheme must pass every point; the others may fail where
+//! theory says so.
 
 mod axis;
 mod bed;
 mod modes;
+mod record;
 
 pub use axis::{Axis, Sample, Verdict};
 
+use crate::plot::panels::{self, Curve, Panel};
+use crate::progress::Progress;
+use crate::run::start_threads;
 use crate::verify::Effort;
 use clap::Args;
-use voidage_coupling::Result;
+use record::{Record, Row};
+use std::path::PathBuf;
+use tracing::warn;
+use voidage_coupling::recorder::create_folder;
 use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::{Error, Result};
 
 /// Options of `voidage stability`.
 #[derive(Args)]
 pub struct Options {
-    /// Few points of each axis.
+    /// Few points of each axis, a minute in all.
     #[arg(long)]
     quick: bool,
     /// Only the axis of this name (may be repeated).
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
+    /// Only this scheme (may be repeated).
+    #[arg(long, value_name = "SCHEME", value_parser = scheme)]
+    scheme: Vec<SchemeName>,
+    /// Folder of results; points that are there already are not run again.
+    #[arg(long, default_value = "out/stability")]
+    out: PathBuf,
+    /// List the axes and stop.
+    #[arg(long)]
+    list: bool,
+    /// Number of threads; results do not depend on it. Default: one per core.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// No bar, few lines.
+    #[arg(long)]
+    pub quiet: bool,
 }
 
-/// All axes.
+/// A scheme by its name.
+fn scheme(name: &str) -> std::result::Result<SchemeName, String> {
+    let known: Vec<String> = SchemeName::ALL.iter().map(ToString::to_string).collect();
+    let found = SchemeName::ALL.into_iter().find(|scheme| scheme.to_string() == name);
+    found.ok_or_else(|| format!("there is no such scheme: use one of {}", known.join(", ")))
+}
+
+/// All axes, in the order in which they run.
 pub fn axes() -> Vec<Axis> {
     [modes::AXES, bed::AXES].concat()
 }
 
-/// Runs the map.
+/// Runs the map; exit code 1 if the default scheme fails anywhere.
 ///
 /// # Errors
 /// Unknown names, files that cannot be written.
 pub fn stability(options: &Options) -> Result<u8> {
-    let effort = if options.quick { Effort::Quick } else { Effort::Full };
-    for axis in axes() {
-        if !options.only.is_empty() && !options.only.iter().any(|name| name == axis.name) {
-            continue;
+    let chosen = choose(&options.only)?;
+    if options.list {
+        for axis in &chosen {
+            println!("{}: {} ({} over {})", axis.name, axis.title, axis.labels[1], axis.labels[0]);
         }
-        println!("{}: {}", axis.name, axis.title);
-        for scheme in SchemeName::ALL {
-            if std::env::var("SCHEME").is_ok_and(|name| name != format!("{scheme:?}")) { continue; }
-            for point in (axis.points)(effort) {
-                let theory = (axis.theory)(point, scheme);
-                match (axis.run)(point, scheme, effort) {
-                    Ok(s) => println!("{scheme:?} {point:?} {:?} measured {:.5e} expected {:.5e} theory {theory:?} solves {:.2}", s.verdict, s.measured, s.expected, s.solves),
-                    Err(error) => println!("{scheme:?} {point:?} {error}"),
+        return Ok(0);
+    }
+    start_threads(options.threads)?;
+    create_folder(&options.out)?;
+    let effort = if options.quick { Effort::Quick } else { Effort::Full };
+    let schemes = if options.scheme.is_empty() { SchemeName::ALL.to_vec() } else { options.scheme.clone() };
+    let mut record = Record::open(&options.out.join("stability.csv"))?;
+    let points = |axis: &Axis| (axis.points)(effort);
+    let all: usize = chosen.iter().map(|axis| points(axis).len() * schemes.len()).sum();
+    let progress = Progress::of("point", 0, all as u64, options.quiet);
+    let mut done = 0;
+    for axis in &chosen {
+        for point in points(axis) {
+            for &scheme in &schemes {
+                progress.tell(done, axis.name);
+                done += 1;
+                if !record.has(axis, scheme, point) {
+                    record.add(axis, scheme, point, &sample(axis, point, scheme, effort))?;
                 }
             }
         }
     }
-    Ok(0)
+    progress.tell(done, "done");
+    let rows = || record.rows.iter().filter(|row| chosen.iter().any(|axis| axis.name == row.axis));
+    for axis in &chosen {
+        let drawn: Vec<Panel> = schemes.iter().map(|&scheme| panel(axis, scheme, &record.rows)).collect();
+        for page in panels::pages(&options.out, axis.name, &drawn)? {
+            println!("{}", page.display());
+        }
+    }
+    for &scheme in &schemes {
+        summarise(scheme, rows().filter(|row| row.scheme == scheme));
+    }
+    let default = rows().filter(|row| row.scheme == SchemeName::default());
+    Ok(u8::from(default.into_iter().any(|row| row.verdict != Verdict::Passes)))
+}
+
+/// Runs a point; one that ends with an error is a sample too.
+pub fn sample(axis: &Axis, point: [f64; 2], scheme: SchemeName, effort: Effort) -> Sample {
+    (axis.run)(point, scheme, effort).unwrap_or_else(|error| {
+        warn!("{} at {point:?} with {scheme}: {error}", axis.name);
+        Sample { verdict: Verdict::Failed, measured: f64::NAN, expected: f64::NAN, solves: f64::NAN }
+    })
+}
+
+/// The axes of the given names, all without.
+fn choose(names: &[String]) -> Result<Vec<Axis>> {
+    let all = axes();
+    if let Some(name) = names.iter().find(|name| !all.iter().any(|axis| axis.name == *name)) {
+        let known: Vec<&str> = all.iter().map(|axis| axis.name).collect();
+        let known = known.join(", ");
+        return Err(Error::Input(format!("--only {name}: there is no such axis\n  help: use one of {known}")));
+    }
+    let wanted = |axis: &Axis| names.is_empty() || names.iter().any(|name| name == axis.name);
+    Ok(all.into_iter().filter(wanted).collect())
+}
+
+/// One line about a scheme.
+fn summarise<'a>(scheme: SchemeName, rows: impl Iterator<Item = &'a Row>) {
+    let (mut all, mut passed, mut foreseen, mut known, mut solves) = (0, 0, 0, 0, 0.0);
+    for row in rows {
+        let passes = row.verdict == Verdict::Passes;
+        all += 1;
+        passed += usize::from(passes);
+        known += usize::from(row.theory_passes.is_some());
+        foreseen += usize::from(row.theory_passes == Some(passes));
+        solves += if row.solves_per_step.is_finite() { row.solves_per_step } else { 1.0 };
+    }
+    let mean = solves / f64::from(all.max(1));
+    println!(
+        "{:<12} passes {passed:>4} of {all}; as theory says at {foreseen} of {known}; {mean:.2} solutions a step",
+        scheme.to_string()
+    );
+}
+
+/// The map of one scheme on an axis.
+fn panel(axis: &Axis, scheme: SchemeName, rows: &[Row]) -> Panel {
+    let of = |verdicts: &[Verdict]| {
+        let here = rows.iter().filter(|row| row.axis == axis.name && row.scheme == scheme);
+        here.filter(|row| verdicts.contains(&row.verdict)).map(|row| (row.x, row.y)).collect::<Vec<_>>()
+    };
+    let mut panel = Panel::log_log(scheme.to_string(), axis.labels[0], axis.labels[1]);
+    panel.curves = vec![
+        Curve::points("passes", of(&[Verdict::Passes])),
+        Curve::points("unstable", of(&[Verdict::Unstable, Verdict::Failed])),
+        Curve::points("stable, wrong", of(&[Verdict::Wrong])),
+    ];
+    let limit = boundary(axis, scheme, rows);
+    if !limit.is_empty() {
+        panel.curves.push(Curve::dashes("limit by theory", limit));
+    }
+    panel
+}
+
+/// Where theory changes its mind along the second parameter, between the points of the axis.
+fn boundary(axis: &Axis, scheme: SchemeName, rows: &[Row]) -> Vec<(f64, f64)> {
+    let bounds = |value: fn(&Row) -> f64| {
+        let values = rows.iter().filter(|row| row.axis == axis.name).map(value);
+        values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), v| (low.min(v), high.max(v)))
+    };
+    let ((left, right), (low, high)) = (bounds(|row| row.x), bounds(|row| row.y));
+    let between = |(low, high): (f64, f64), share: f64| low * (high / low).powf(share);
+    let mut limit = Vec::new();
+    for i in 0..=200 {
+        let x = between((left, right), f64::from(i) / 200.0);
+        let passes = |k: i32| {
+            let y = between((low, high), f64::from(k) / 400.0);
+            ((axis.theory)([x, y], scheme), y)
+        };
+        let change = (0..400).find(|&k| passes(k).0 != passes(k + 1).0);
+        limit.extend(change.map(|k| (x, passes(k).1)));
+    }
+    limit
 }

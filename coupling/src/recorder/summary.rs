@@ -32,6 +32,12 @@ pub struct Summary {
     pub max_penetration_over_radius: Option<f64>,
     /// Steps in which a solver stopped before its tolerance.
     pub unconverged_steps: u64,
+    /// Solutions of the fluid of this process; with grains and fluid only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fluid_solves: Option<u64>,
+    /// Steps in which grains and fluid did not agree within the tolerance of the coupling.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disagreeing_steps: Option<u64>,
     /// Largest relative difference of all steps between the momentum that the grains gave and the fluid took.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub momentum_exchange_defect: Option<f64>,

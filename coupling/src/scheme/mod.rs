@@ -71,6 +71,19 @@ impl SchemeName {
     }
 }
 
+impl std::fmt::Display for SchemeName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Explicit => "explicit",
+            Self::Henry => "henry",
+            Self::HenryFree => "henry-free",
+            Self::Lagged => "lagged",
+            Self::Anchored => "anchored",
+            Self::Iterated => "iterated",
+        })
+    }
+}
+
 /// A step that solves the fluid once, with the law that `predict` fills, and moves the grains by the force of the law.
 fn once<const D: usize>(
     coupled: &mut Coupled<D>,

@@ -4,6 +4,8 @@ mod fluid;
 mod grains;
 
 use super::{Coordinates, Scene, SceneError};
+use crate::scheme::iterated::Iteration;
+use crate::scheme::relaxation::Relaxation;
 
 type Checked = Result<(), Box<SceneError>>;
 
@@ -51,11 +53,27 @@ pub(super) fn structure(scene: &Scene) -> Checked {
     Ok(())
 }
 
+/// Checks of how the coupling iterates.
+fn iteration(scene: &Scene, iteration: &Iteration) -> Checked {
+    positive(scene, "coupling.iteration.tolerance", iteration.tolerance)?;
+    positive(scene, "coupling.iteration.most", iteration.most as f64)?;
+    match iteration.relaxation {
+        Relaxation::Constant(omega) if !(omega > 0.0 && omega <= 1.0) => {
+            let message = format!("`coupling.iteration.relaxation.constant` is {omega}");
+            fail(scene, "coupling.iteration.relaxation", message, "give a number above 0 and at most 1")
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Checks of the values, with defaults filled in.
 pub(super) fn values(scene: &Scene) -> Checked {
     time(scene)?;
     if let Some(fluid) = &scene.fluid {
         fluid::check(scene, fluid)?;
+    }
+    if let Some(coupling) = &scene.coupling {
+        iteration(scene, &coupling.iteration)?;
     }
     grains::check(scene)?;
     if scene.coupling.as_ref().is_some_and(|coupling| coupling.heat.is_some()) {
