@@ -105,7 +105,7 @@ class Heat:
     W/m3/K."""
     wall_temperature: float = 0.0
     """T_w, K."""
-    lumped: bool = True
+    lumped: bool = False
     """Whether storage and exchange are lumped in the Galerkin equations: storage and thin cell by the
     vertex rule, the grains by the sums of the rows. Temperatures then keep their bounds where the
     exchange over a cell outweighs its diffusion."""
