@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::exchange::AtBodies;
-use voidage_fluid::{Mesh, Vector};
+use voidage_fluid::{Mesh, MeshMotion, Vector};
 
 /// Serves a run with the Rust solver until it says goodbye. `wait` is how long the run may take to be there.
 ///
@@ -104,7 +104,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
     fn solve(&mut self, frame: &Frame, peer: &mut Peer) -> Result<()> {
         self.accept(frame);
         let header = frame.header();
-        let StepParts { layout, pieces, conditions } = read_step(header, frame.payload())?;
+        let StepParts { layout, pieces, motion, conditions } = read_step(header, frame.payload())?;
         self.conditions = conditions.unwrap_or(std::mem::take(&mut self.conditions));
         if let Some(places) = &pieces {
             let mesh = self.mesh.as_ref().ok_or_else(no_mesh)?;
@@ -117,6 +117,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
                 return Err(PeerError::Protocol(format!("voidage at {values} of {nodes} nodes")).into());
             }
         }
+        let [points, velocity] = motion.as_ref().map_or_else(Default::default, |at| at.read(frame.payload()));
         let Self { backend, conditions, position, radius, load, at, .. } = self;
         let step = FluidStep {
             number: header.step,
@@ -124,6 +125,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
             dt: header.dt,
             grains: pieces.is_some().then_some(Immersed { position, radius, load }),
             conditions,
+            motion: motion.is_some().then_some(MeshMotion { points: &points, velocity: &velocity }),
         };
         let report = backend.solve(&step, at)?;
         let message = SolutionMessage::new(at, &report);

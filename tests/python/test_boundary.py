@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from voidage.boundary import Holds, area_vectors, check_balance, hold_heat
+from voidage.boundary import Holds, area_vectors, balance, hold_heat
 from voidage.solver import Condition, NoSlip, Open, Slip, SuperficialVelocity, Temperature, Velocity
 
 from conftest import problem

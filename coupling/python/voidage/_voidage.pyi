@@ -270,6 +270,9 @@ class Frame:
         :meth:`Overlap.cut` returns them; None without grains."""
     def voidage(self) -> Floats | None:
         """A copy of the nodal voidage of a step (n,); None without grains."""
+    def motion(self) -> tuple[_Floats, _Floats] | None:
+        """Copies of the places of the nodes at the end of a step and of their velocities, (n, 2)
+        each; None if the mesh stands still."""
     def keys(self) -> list[str]:
         """Names of the columns of a step."""
     def __contains__(self, name: str, /) -> bool: ...

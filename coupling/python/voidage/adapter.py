@@ -32,6 +32,7 @@ from .solver import (
     GrainHeat,
     Grains,
     Heat,
+    Motion,
     Pieces,
     Problem,
     Report,
@@ -161,13 +162,19 @@ class Driver:
         columns: Mapping[str, Floats] | None,
         pieces: tuple | None,
         voidage: Floats | None,
+        motion: tuple[Floats, Floats] | None,
     ) -> tuple[AtGrains, Report]:
         """Solves a step; ``described`` are its conditions as JSON, empty if they are the old."""
         if described:
             self.conditions = conditions(json.loads(described))
-        step = Step(dt, self.conditions, np.ones(len(self.mesh[0])) if voidage is None else voidage)
-        if columns is not None:
-            step = Step(dt, self.conditions, voidage, grains(columns), Pieces(*pieces))
+        step = Step(
+            dt,
+            self.conditions,
+            np.ones(len(self.mesh[0])) if voidage is None else voidage,
+            None if columns is None else grains(columns),
+            None if pieces is None else Pieces(*pieces),
+            motion=None if motion is None else Motion(*motion),
+        )
         answer = self.solver.solve(step)
         if not (isinstance(answer, tuple) and len(answer) == 2):
             raise TypeError(
@@ -270,7 +277,7 @@ class Server:
         if "position" in frame:
             columns = {name: frame[name] for name in frame.keys()}
             count = len(frame["radius"])
-        step = (frame.dt, frame.text, columns, frame.pieces(), frame.voidage())
+        step = (frame.dt, frame.text, columns, frame.pieces(), frame.voidage(), frame.motion())
         at, report = self.ranks.call("solve", *step)
         heated = columns is not None and "heat_coefficient" in columns
         answer = self.peer.solution(count, heated)

@@ -51,6 +51,10 @@ class Layout:
         self.nodes = self.space.dofmap.index_map
         self.owned_node = self.node[: self.nodes.size_local]
 
+    def move(self, points: Floats) -> None:
+        """Puts the nodes of the mesh elsewhere."""
+        self.domain.geometry.x[:, : points.shape[1]] = points[self.geometry_node]
+
     def nodal(self, components: int = 0) -> fem.Function:
         """A P1 field, of vectors with some components if there are any."""
         space = compat.space(self.domain, "CG", 1, components) if components else self.space
