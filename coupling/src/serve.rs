@@ -13,13 +13,14 @@ use voidage_fluid::conditions::Condition;
 use voidage_fluid::exchange::AtBodies;
 use voidage_fluid::{Mesh, MeshMotion, Vector};
 
-/// Serves a run with the Rust solver until it says goodbye. `wait` is how long the run may take to be there.
+/// Serves a run with the Rust solver until it says goodbye, or ends this process when the run is gone. `wait` is how long the run may take to be there.
 ///
 /// # Errors
 /// There is no such run, it is gone, or the solver failed (which the run has been told).
 pub fn serve(address: &Address, wait: Duration) -> Result<()> {
     let solver = concat!("rust ", env!("CARGO_PKG_VERSION"));
     let (mut peer, text) = Peer::connect(address, solver, wait)?;
+    peer.end_with_run();
     let outcome = match dimension(&text)? {
         2 => {
             let setup = Setup::<2>::parse(&text)?;

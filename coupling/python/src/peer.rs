@@ -87,6 +87,11 @@ impl Peer {
         &self.setup
     }
 
+    /// From now on this process ends, with exit code 1, when the run is gone while a request is being answered.
+    fn end_with_run(&mut self) {
+        self.inner().end_with_run();
+    }
+
     /// Waits for a request, at most `timeout` seconds; None if there is none yet. Other threads go on meanwhile, and
     /// signals are seen.
     fn receive(&mut self, py: Python<'_>, timeout: f64) -> PyResult<Option<Frame>> {

@@ -217,6 +217,9 @@ class Peer:
     @property
     def setup(self) -> str:
         """What the run tells once: properties, numerics and boundary conditions, as JSON."""
+    def end_with_run(self) -> None:
+        """From now on this process ends, with exit code 1, when the run is gone while a request is
+        being answered."""
     def receive(self, timeout: float) -> Frame | None:
         """Waits for a request, at most ``timeout`` seconds. Other threads go on meanwhile, and
         signals are seen. Raises RuntimeError if the run is gone."""

@@ -318,16 +318,21 @@ def _communicator():
     return MPI.COMM_WORLD
 
 
-def serve(make: Callable[[], Solver], address: str, wait: float = 60.0) -> None:
+def serve(
+    make: Callable[[], Solver], address: str, wait: float = 60.0, alone: bool = False
+) -> None:
     """Serves the run at an address with a solver, until the run says goodbye.
 
     ``make`` makes the solver; ``wait`` is how long the run may take to be there, s. Raises
-    RuntimeError if the run is gone.
+    RuntimeError if the run is gone. If this process is there for the solver ``alone``, it ends when
+    the run is gone in the middle of a step.
     """
     solver, communicator = make(), _communicator()
     first = communicator is None or communicator.rank == 0
     peer = Peer(address, type(solver).__name__, wait=wait) if first else None
     setup = peer.setup if first else None
+    if first and alone:
+        peer.end_with_run()
     if communicator is not None:
         setup = communicator.bcast(setup)
     ranks = Ranks(Driver(solver, setup), communicator)
@@ -411,7 +416,10 @@ def main(solver: type | None = None, arguments: Sequence[str] | None = None) -> 
     given = parser.parse_args(arguments)
     try:
         serve(
-            lambda: (solver or find(given.solver))(**dict(given.option)), given.connect, given.wait
+            lambda: (solver or find(given.solver))(**dict(given.option)),
+            given.connect,
+            given.wait,
+            alone=True,
         )
     except RuntimeError as error:
         print(f"voidage.adapter: {error}", file=sys.stderr)

@@ -121,7 +121,7 @@ class FlowSystem:
             solver.normal,
         )
         D, self.layout = problem.dimension, layout
-        mixed = compat.space(layout.domain, "CG", 1, D + 1)
+        mixed = compat.space(layout.domain, "Lagrange", 1, D + 1)
         trial, test = ufl.TrialFunction(mixed), ufl.TestFunction(mixed)
         u, p = ufl.as_vector([trial[i] for i in range(D)]), trial[D]
         v, q = ufl.as_vector([test[i] for i in range(D)]), test[D]
