@@ -26,9 +26,9 @@ use voidage_fluid::{Mesh, Vector};
 /// boundary that the mesh lacks; a fluid solver that does not start.
 pub fn coupled(scene: &Scene, host: &Host) -> Result<Coupled<2>> {
     if scene.dimension() != 2 {
-        return Err(Error::Input(
-            "scenes in space (3D) are not built yet; give `gravity` two numbers".into(),
-        ));
+        let message =
+            format!("`gravity` has {} numbers: scenes in space (3D) cannot run yet", scene.dimension());
+        return Err(scene.error("gravity", message, "give it two numbers, as a scene in the plane"));
     }
     let grains = if scene.grains.is_empty() { None } else { Some(grains(scene)?) };
     let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid, host)).transpose()?;

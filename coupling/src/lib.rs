@@ -246,24 +246,6 @@ impl<const D: usize> Coupled<D> {
         report
     }
 
-    /// Puts a mesh that moves where it is now, after time was set.
-    pub fn place_mesh(&mut self) {
-        self.move_mesh(|motion, time, points| motion.at(time, points));
-    }
-
-    /// Moves the nodes; what was computed of their places follows. Schemes find the mesh where it is at the end of the
-    /// step.
-    fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>])) {
-        let Some(Fluid { mesh, nodal_volume, motion: Some(motion), .. }) = &mut self.fluid else { return };
-        // The solver knows a mesh by its place in memory: the one that it was given stays as it is.
-        let mesh = Arc::make_mut(mesh);
-        move_nodes(motion, self.time, &mut mesh.points);
-        *nodal_volume = mesh.nodal_volume();
-        if let Some(interaction) = &mut self.interaction {
-            interaction.overlap.moved(mesh);
-        }
-    }
-
     /// Pieces of the grains on the mesh and the voidage they make.
     ///
     /// # Errors

@@ -1,5 +1,7 @@
 //! Meshes that move by a law of time.
 
+use crate::{Coupled, Fluid};
+use std::sync::Arc;
 use voidage_fluid::harmonic::harmonic;
 use voidage_fluid::{Error, Mesh, MeshMotion, Result, Vector};
 
@@ -91,6 +93,26 @@ impl<const D: usize> Swing<D> {
     /// The motion of the step in hand, which has brought the nodes to `points`.
     pub fn of_step<'a>(&'a self, points: &'a [Vector<D>]) -> MeshMotion<'a, D> {
         MeshMotion { points, velocity: &self.velocity }
+    }
+}
+
+impl<const D: usize> Coupled<D> {
+    /// Puts a mesh that moves where it is now, after time was set.
+    pub fn place_mesh(&mut self) {
+        self.move_mesh(|motion, time, points| motion.at(time, points));
+    }
+
+    /// Moves the nodes; what was computed of their places follows. Schemes find the mesh where it is at the end of the
+    /// step.
+    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>])) {
+        let Some(Fluid { mesh, nodal_volume, motion: Some(motion), .. }) = &mut self.fluid else { return };
+        // The solver knows a mesh by its place in memory: the one that it was given stays as it is.
+        let mesh = Arc::make_mut(mesh);
+        move_nodes(motion, self.time, &mut mesh.points);
+        *nodal_volume = mesh.nodal_volume();
+        if let Some(interaction) = &mut self.interaction {
+            interaction.overlap.moved(mesh);
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use crate::exchange::{AtBodies, CellExchange, Exchange, NodalFields, PiecesByCel
 use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
+use crate::sums::Sums;
 use crate::transport::{self, CellHeat, Scalar};
 use crate::{Error, Mesh, Result, Vector, boundary};
 use serde::{Deserialize, Serialize};
@@ -232,33 +233,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     /// Force (N) and heat (W) that the fluid gives to the bodies in the step in hand, summed piece by piece:
     /// the counterpart, by another path, of what the affine law gives each body.
     pub fn exchanged(&self, load: &Exchange<'_, D>) -> (Vector<D>, f64) {
-        let (mut force, mut heat) = (Vector::zeros(), 0.0);
-        for body in 0..load.pieces.bodies() {
-            let (gamma, volume, mobility) = (load.drag[body], load.volume[body], load.mobility[body]);
-            for piece in load.pieces.of(body) {
-                let phi = load.pieces.shape::<B>(piece);
-                let cell = load.pieces.cell[piece] as usize * B;
-                let (mut velocity, mut slope, mut temperature) =
-                    (Vector::<D>::zeros(), Vector::<D>::zeros(), 0.0);
-                for a in 0..B {
-                    let node = self.geometry.mesh.cells[cell + a] as usize;
-                    velocity += self.next.velocity[node] * phi[a];
-                    slope += self.geometry.gradient[cell + a] * self.next.pressure[node];
-                    temperature += self.next.temperature.as_ref().map_or(0.0, |t| t[node] * phi[a]);
-                }
-                let share = load.pieces.share[piece];
-                let slip =
-                    velocity * (1.0 - mobility * gamma) - load.velocity[body] + slope * (mobility * volume);
-                force += (slip * gamma - slope * volume) * share;
-                if let Some(columns) = &load.heat {
-                    let coefficient = columns.coefficient[body];
-                    let slip = temperature * (1.0 - columns.mobility[body] * coefficient)
-                        - columns.temperature[body];
-                    heat += share * coefficient * slip;
-                }
-            }
-        }
-        (force, heat)
+        Sums { geometry: &self.geometry, state: &self.next, load }.exchanged()
     }
 
     fn solve_heat(
@@ -304,27 +279,9 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     /// fluid state.
     fn project_solid_flux(&mut self, exchange: Option<&Exchange<'_, D>>) {
         self.solid_flux.clear();
-        let Some(load) = exchange else { return };
-        self.solid_flux.resize(self.geometry.mesh.points.len(), Vector::zeros());
-        for body in 0..load.pieces.bodies() {
-            for piece in load.pieces.of(body) {
-                let phi = load.pieces.shape::<B>(piece);
-                let cell = load.pieces.cell[piece] as usize * B;
-                let mut velocity = Vector::<D>::zeros();
-                let mut slope = Vector::<D>::zeros();
-                for a in 0..B {
-                    let node = self.geometry.mesh.cells[cell + a] as usize;
-                    velocity += self.state.velocity[node] * phi[a];
-                    slope += self.geometry.gradient[cell + a] * self.state.pressure[node];
-                }
-                let moved = load.velocity[body]
-                    + (velocity * load.drag[body] - slope * load.volume[body]) * load.mobility[body];
-                let volume = load.pieces.share[piece] * load.volume[body];
-                for a in 0..B {
-                    let node = self.geometry.mesh.cells[cell + a] as usize;
-                    self.solid_flux[node] += moved * (volume * phi[a] / self.geometry.nodal_volume[node]);
-                }
-            }
+        if let Some(load) = exchange {
+            self.solid_flux.resize(self.state.velocity.len(), Vector::zeros());
+            Sums { geometry: &self.geometry, state: &self.state, load }.solid_flux(&mut self.solid_flux);
         }
     }
 

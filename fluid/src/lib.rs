@@ -18,6 +18,7 @@ pub mod geometry;
 pub mod harmonic;
 pub mod linear;
 pub mod mesh;
+mod sums;
 pub mod transport;
 
 pub use error::{Error, Result};
