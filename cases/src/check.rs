@@ -78,6 +78,10 @@ fn fluid(scene: &Scene) -> Result<()> {
         }
         MeshSource::File(file) => line("  mesh", file.display()),
     }
+    part("  mesh motion", fluid.mesh_motion.as_ref(), |motion| {
+        let what = motion.boundary.as_deref().unwrap_or("inside");
+        format!("{what} by {:?} m, {} times a second", motion.amplitude.0, motion.frequency)
+    });
     let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
     line("  boundaries", names.join(", "));
     part("  heat", fluid.heat.as_ref(), |heat| match heat.expansion {

@@ -52,12 +52,8 @@ pub struct Options {
     /// Number of threads of the grains and the Rust solver. Default: one per core.
     #[arg(long)]
     threads: Option<usize>,
-    /// How frames reach the processes of the fluid solvers: shm or tcp.
-    #[arg(long)]
-    transport: Option<String>,
-    /// Longest time without a sign of life from the process of a fluid solver, s.
-    #[arg(long, value_name = "S")]
-    timeout: Option<f64>,
+    #[command(flatten)]
+    process: run::Process,
     /// No bar, few lines.
     #[arg(long)]
     pub quiet: bool,
@@ -120,7 +116,7 @@ fn candidates(options: &Options, folder: &Path) -> Result<Vec<Candidate>> {
     for name in &options.fluids {
         let mut sets = vec![format!("fluid.solver.tolerance={LINEAR_TOLERANCE:e}")];
         sets.extend(options.sets.iter().cloned());
-        sets.extend(run::solver_sets(Some(name), options.transport.as_deref(), options.timeout)?);
+        sets.extend(options.process.sets(Some(name))?);
         let scene = Scene::read(&options.scene, &sets)?;
         let Some(density) = scene.fluid.as_ref().map(|fluid| fluid.density) else {
             let what = "the scene has no fluid\n  help: there is nothing to compare";

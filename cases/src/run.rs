@@ -38,15 +38,34 @@ pub struct Options {
     /// or python:MODULE; or one that is started by hand, attach:ADDRESS (shm:NAME or tcp:HOST:PORT).
     #[arg(long)]
     fluid: Option<String>,
-    /// How frames reach the process of the fluid solver: shm or tcp.
-    #[arg(long)]
-    transport: Option<String>,
-    /// Longest time without a sign of life from the process of the fluid solver, s.
-    #[arg(long, value_name = "S")]
-    timeout: Option<f64>,
+    #[command(flatten)]
+    process: Process,
     /// No bar, few lines.
     #[arg(long)]
     pub quiet: bool,
+}
+
+/// Options of fluid solvers in processes of their own.
+#[derive(Args)]
+pub struct Process {
+    /// How frames reach the process of a fluid solver: shm or tcp.
+    #[arg(long)]
+    transport: Option<String>,
+    /// Longest time without a sign of life from the process of a fluid solver, s.
+    #[arg(long, value_name = "S")]
+    timeout: Option<f64>,
+}
+
+impl Process {
+    /// The options as changes of the scene, with the choice of a fluid solver.
+    pub fn sets(&self, fluid: Option<&str>) -> Result<Vec<String>> {
+        let solver = fluid.map(str::parse::<Solver>).transpose();
+        let solver = solver.map_err(|error| Error::Input(format!("--fluid {error}")))?;
+        let mut sets: Vec<String> = solver.iter().map(Solver::setting).collect();
+        sets.extend(self.transport.iter().map(|transport| format!("fluid.backend.transport={transport:?}")));
+        sets.extend(self.timeout.map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
+        Ok(sets)
+    }
 }
 
 /// Runs a scene; the number is the exit code.
@@ -63,32 +82,7 @@ pub fn run(options: &Options) -> Result<u8> {
 fn sets(options: &Options) -> Result<Vec<String>> {
     let mut sets = options.sets.clone();
     sets.extend(options.scheme.iter().map(|scheme| format!("coupling.scheme={scheme:?}")));
-    sets.extend(solver_sets(options.fluid.as_deref(), options.transport.as_deref(), options.timeout)?);
-    Ok(sets)
-}
-
-/// The choice of a fluid solver as changes of the scene.
-pub fn solver_sets(
-    fluid: Option<&str>,
-    transport: Option<&str>,
-    timeout: Option<f64>,
-) -> Result<Vec<String>> {
-    let mut sets = Vec::new();
-    if let Some(name) = fluid {
-        let Some(solver) = Solver::named(name) else {
-            return Err(Error::Input(format!(
-                "--fluid {name}: there is no such fluid solver\n  \
-                 help: use rust, serve, fenicsx, scikit-fem, python:MODULE or attach:ADDRESS"
-            )));
-        };
-        sets.push(match solver {
-            Solver::Python(module) => format!("fluid.backend.solver={{python={module:?}}}"),
-            Solver::Attach(address) => format!("fluid.backend.solver={{attach={address:?}}}"),
-            named => format!("fluid.backend.solver={:?}", named.name()),
-        });
-    }
-    sets.extend(transport.map(|transport| format!("fluid.backend.transport={transport:?}")));
-    sets.extend(timeout.map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
+    sets.extend(options.process.sets(options.fluid.as_deref())?);
     Ok(sets)
 }
 

@@ -6,7 +6,7 @@ use voidage_fluid::conditions::Condition;
 use voidage_fluid::exchange::{AtBodies, Exchange, HeatExchange, Pieces, VelocityLaw};
 use voidage_fluid::flow::{HeatProperties, Numerics, State};
 use voidage_fluid::forms::Properties;
-use voidage_fluid::{Flow, Mesh, Vector};
+use voidage_fluid::{Flow, Mesh, MeshMotion, Vector};
 
 /// What the fluid solver gets each step: where the grains are, their drag and the affine law of the velocity
 /// that they will have, v* = velocity + mobility (drag u - volume grad p). It never knows the scheme.
@@ -91,6 +91,9 @@ pub struct FluidStep<'a, const D: usize> {
     pub grains: Option<Immersed<'a, D>>,
     /// What is prescribed on the boundary at its end.
     pub conditions: &'a [Condition<D>],
+    /// Where the mesh is at its end and how it came there; absent while it stands still. The grains are cut by the mesh
+    /// where it is at the end.
+    pub motion: Option<MeshMotion<'a, D>>,
 }
 
 impl<const D: usize> GrainLoad<D> {
@@ -143,9 +146,9 @@ impl<const D: usize> GrainLoad<D> {
 pub struct FluidReport<const D: usize> {
     /// Iterations, residual and time of the solver.
     pub solver: voidage_fluid::flow::Report,
-    /// Force that the fluid lost to the grains, summed over the pieces by the fluid, N.
-    pub force: Vector<D>,
-    /// Heat that the fluid lost to the grains, summed over the pieces by the fluid, W.
+    /// Force that the fluid lost to the grains, summed over the pieces by the fluid, N; `None` if it does not sum.
+    pub force: Option<Vector<D>>,
+    /// Heat that the fluid lost to the grains, summed likewise, W.
     pub heat: f64,
     /// Wall time that frames took to and from a solver in another process, s.
     pub transport_s: f64,
@@ -154,7 +157,7 @@ pub struct FluidReport<const D: usize> {
 /// A fluid solver. `solve` always starts from the last accepted state: schemes may call it many times.
 pub trait FluidBackend<const D: usize>: Send {
     /// Sets the mesh and the accepted fields: at the start, at a restart, after remeshing. Nothing of earlier
-    /// steps may influence what follows.
+    /// steps may influence what follows. A mesh that moves is moved by the steps.
     ///
     /// # Errors
     /// A mesh or conditions that the solver cannot use.
@@ -183,6 +186,8 @@ pub struct RustFluid<const D: usize, const B: usize> {
     numerics: Numerics,
     conditions: Vec<Condition<D>>,
     flow: Option<(Arc<Mesh<D>>, Flow<D, B>)>,
+    /// Whether the nodes have left the places that they have in that mesh.
+    moved: bool,
     clear: Vec<f64>,
 }
 
@@ -194,7 +199,7 @@ impl<const D: usize, const B: usize> RustFluid<D, B> {
         numerics: Numerics,
         conditions: Vec<Condition<D>>,
     ) -> Self {
-        Self { properties, heat, numerics, conditions, flow: None, clear: Vec::new() }
+        Self { properties, heat, numerics, conditions, flow: None, moved: false, clear: Vec::new() }
     }
 }
 
@@ -205,7 +210,7 @@ fn not_started() -> crate::Error {
 impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
     fn start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<()> {
         match &mut self.flow {
-            Some((old, flow)) if Arc::ptr_eq(old, mesh) => {
+            Some((old, flow)) if Arc::ptr_eq(old, mesh) && !self.moved => {
                 flow.set_state(fields.clone());
                 flow.forget();
             }
@@ -218,6 +223,7 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
                     fields.clone(),
                     &self.numerics,
                 )?;
+                self.moved = false;
                 self.clear = vec![1.0; mesh.points.len()];
                 self.flow = Some((mesh.clone(), flow));
             }
@@ -228,15 +234,17 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
     fn solve(&mut self, step: &FluidStep<'_, D>, out: &mut AtBodies<D>) -> Result<FluidReport<D>> {
         let (_, flow) = self.flow.as_mut().ok_or_else(not_started)?;
         let (dt, conditions) = (step.dt, step.conditions);
+        flow.follow(step.motion.as_ref())?;
+        self.moved |= step.motion.is_some();
         let Some(Immersed { load, .. }) = step.grains else {
             let solver = flow.solve(dt, &self.clear, None, conditions)?;
-            return Ok(FluidReport { solver, force: Vector::zeros(), heat: 0.0, transport_s: 0.0 });
+            return Ok(FluidReport { solver, force: Some(Vector::zeros()), heat: 0.0, transport_s: 0.0 });
         };
         let exchange = load.exchange();
         let solver = flow.solve(dt, &load.voidage, Some(&exchange), conditions)?;
         flow.sample(&load.pieces, out);
         let (force, heat) = flow.exchanged(&exchange);
-        Ok(FluidReport { solver, force, heat, transport_s: 0.0 })
+        Ok(FluidReport { solver, force: Some(force), heat, transport_s: 0.0 })
     }
 
     fn accept(&mut self) {

@@ -4,6 +4,7 @@ use crate::backend::{FluidBackend, RustFluid};
 use crate::closure::ThermalFluid;
 use crate::error::{Error, Result};
 use crate::launch::{self, Host};
+use crate::motion::Swing;
 use crate::protocol::Setup;
 use crate::scene::{self, Scene};
 use crate::{Coupled, Fluid, Interaction, Laws};
@@ -25,9 +26,9 @@ use voidage_fluid::{Mesh, Vector};
 /// boundary that the mesh lacks; a fluid solver that does not start.
 pub fn coupled(scene: &Scene, host: &Host) -> Result<Coupled<2>> {
     if scene.dimension() != 2 {
-        return Err(Error::Input(
-            "scenes in space (3D) are not built yet; give `gravity` two numbers".into(),
-        ));
+        let message =
+            format!("`gravity` has {} numbers: scenes in space (3D) cannot run yet", scene.dimension());
+        return Err(scene.error("gravity", message, "give it two numbers, as a scene in the plane"));
     }
     let grains = if scene.grains.is_empty() { None } else { Some(grains(scene)?) };
     let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid, host)).transpose()?;
@@ -248,7 +249,16 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
     let mut backend = backend(scene, host)?;
     backend.start(&mesh, &start)?;
     let nodal_volume = mesh.nodal_volume();
-    Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume })
+    let motion = described.mesh_motion.as_ref().map(|motion| swing(scene, motion, &mesh)).transpose()?;
+    Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume, motion })
+}
+
+fn swing(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Swing<2>> {
+    let (amplitude, boundary) = (motion.amplitude.vector(), motion.boundary.as_deref());
+    Swing::new(mesh, amplitude, motion.frequency, boundary).map_err(|error| {
+        let message = format!("`fluid.mesh_motion`: {error}");
+        scene.error("fluid.mesh_motion", message, "give a smaller amplitude, or a boundary of the mesh")
+    })
 }
 
 /// All that the fluid solver of a scene is told once; `None` without fluid.

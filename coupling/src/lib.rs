@@ -10,6 +10,7 @@ pub mod closure;
 pub mod compare;
 pub mod error;
 pub mod launch;
+pub mod motion;
 pub mod overlap;
 pub mod peer;
 pub mod protocol;
@@ -28,6 +29,7 @@ pub use simulation::Simulation;
 
 use backend::{FluidBackend, FluidStep, GrainLoad, Immersed};
 use closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use motion::Swing;
 use overlap::Overlap;
 use rayon::prelude::*;
 use scheme::Scheme;
@@ -92,7 +94,8 @@ pub struct StepReport {
     pub grains: Option<voidage_dem::StepReport>,
     /// The fluid solver; absent without.
     pub fluid: Option<voidage_fluid::flow::Report>,
-    /// |force on the grains - force lost by the fluid| over the sum of |force| of the grains; with both only.
+    /// |force on the grains - force lost by the fluid| over the sum of |force| of the grains; with both only, and if the
+    /// fluid sums what it loses.
     pub momentum_exchange_defect: Option<f64>,
     /// The same for heat; with heat in both only.
     pub energy_exchange_defect: Option<f64>,
@@ -122,6 +125,8 @@ pub struct Fluid<const D: usize> {
     pub ramp: f64,
     /// Integral of each shape function, m3 (m2 in the plane).
     pub nodal_volume: Vec<f64>,
+    /// How the mesh moves; absent if it stands still.
+    pub motion: Option<Swing<D>>,
 }
 
 /// Laws and properties of the exchange between grains and fluid.
@@ -241,6 +246,7 @@ impl<const D: usize> Coupled<D> {
         let Some(mut scheme) = self.scheme.take() else {
             return Err(Error::Run("a scheme called step of the system that it advances".into()));
         };
+        self.move_mesh(|motion, time, points| motion.advance(time, dt, points));
         let report = scheme.step(self, dt);
         self.scheme = Some(scheme);
         report
@@ -317,7 +323,9 @@ impl<const D: usize> Coupled<D> {
             }
             _ => (None, &mut none),
         };
-        let step = FluidStep { number: self.steps + 1, time: self.time, dt, grains, conditions: &conditions };
+        let motion = fluid.motion.as_ref().map(|motion| motion.of_step(&fluid.mesh.points));
+        let (number, time, conditions) = (self.steps + 1, self.time, &conditions[..]);
+        let step = FluidStep { number, time, dt, grains, conditions, motion };
         let solved = fluid.backend.solve(&step, at)?;
         report.phases.energy += solved.solver.heat_s;
         report.phases.flow += solved.solver.flow_s;
@@ -369,7 +377,7 @@ impl<const D: usize> Interaction<D> {
             .for_each(|(i, force)| *force = load.force(at, i));
         let total: Vector<D> = self.force.iter().sum();
         let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
-        report.momentum_exchange_defect = Some(relative((total - solved.force).norm(), scale));
+        report.momentum_exchange_defect = solved.force.map(|lost| relative((total - lost).norm(), scale));
         if let Some(columns) = &load.heat {
             self.heat
                 .par_iter_mut()
@@ -382,7 +390,8 @@ impl<const D: usize> Interaction<D> {
             let through: f64 =
                 columns.coefficient.iter().zip(&at.temperature).map(|(h, t)| (h * t).abs()).sum();
             let scale = scale.max(1e-3 * through);
-            report.energy_exchange_defect = Some(relative((total - solved.heat).abs(), scale));
+            report.energy_exchange_defect =
+                solved.force.map(|_| relative((total - solved.heat).abs(), scale));
         }
     }
 }

@@ -44,6 +44,12 @@ impl Peer {
         Ok((peer, setup.text()?))
     }
 
+    /// Ends this process, with exit code 1, when the run is gone while a request is being answered: nobody waits for the
+    /// answer, and a solve may be long.
+    pub fn end_with_run(&self) {
+        self.heart.ends.store(true, Ordering::Relaxed);
+    }
+
     /// Waits for a request, at most for this time; `None` if there is none yet.
     ///
     /// # Errors
@@ -118,28 +124,42 @@ impl Peer {
 /// A thread that sends heartbeats while it is told to.
 struct Heart {
     beats: Arc<AtomicBool>,
+    /// Whether the process ends with the run.
+    ends: Arc<AtomicBool>,
     stops: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Heart {
     fn start(pulse: Pulse) -> Self {
-        let (beats, stops) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
-        let (may_beat, must_stop) = (beats.clone(), stops.clone());
+        let [beats, ends, stops]: [Arc<AtomicBool>; 3] = Default::default();
+        let (may_beat, must_end, must_stop) = (beats.clone(), ends.clone(), stops.clone());
         let thread = thread::spawn(move || {
             while !must_stop.load(Ordering::Relaxed) {
                 thread::park_timeout(BEAT);
-                if may_beat.load(Ordering::Relaxed) {
-                    pulse();
+                let there = !may_beat.load(Ordering::Relaxed) || pulse();
+                if !there && must_end.load(Ordering::Relaxed) {
+                    end();
                 }
             }
         });
-        Self { beats, stops, thread: Some(thread) }
+        Self { beats, ends, stops, thread: Some(thread) }
     }
 
     fn beat(&self, on: bool) {
         self.beats.store(on, Ordering::Relaxed);
     }
+}
+
+/// Ends the process.
+fn end() {
+    eprintln!("the run is gone, in the middle of a request: it was killed, or the connection broke");
+    // What runs at the exit of a process may wait for the thread that solves.
+    thread::spawn(|| {
+        thread::sleep(2 * BEAT);
+        std::process::abort();
+    });
+    std::process::exit(1);
 }
 
 impl Drop for Heart {

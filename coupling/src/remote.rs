@@ -30,6 +30,8 @@ pub struct RemoteFluid<const D: usize> {
     /// Run, generation, step and iteration of the last frame.
     last: Header,
     mesh: Option<Arc<Mesh<D>>>,
+    /// Whether the nodes have left the places that they have in that mesh.
+    moved: bool,
     /// Whether the last solution is accepted and the solver does not know it yet.
     accepted: bool,
     /// The conditions that the solver has.
@@ -54,8 +56,17 @@ impl<const D: usize> RemoteFluid<D> {
         let run = u64::from_le_bytes(std::array::from_fn(|i| id.as_bytes()[i]));
         let last = Header { run, ..Header::default() };
         let conditions = setup.conditions.clone();
-        let mut remote =
-            Self { channel, process, name, timeout, last, mesh: None, accepted: false, conditions };
+        let mut remote = Self {
+            channel,
+            process,
+            name,
+            timeout,
+            last,
+            mesh: None,
+            moved: false,
+            accepted: false,
+            conditions,
+        };
         remote.greet(setup).map_err(|error| remote.explain(error))?;
         Ok(remote)
     }
@@ -124,7 +135,7 @@ impl<const D: usize> RemoteFluid<D> {
 
     fn ask_to_start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<(), PeerError> {
         self.accepted = false;
-        if self.mesh.as_ref().is_some_and(|old| Arc::ptr_eq(old, mesh)) {
+        if self.mesh.as_ref().is_some_and(|old| Arc::ptr_eq(old, mesh)) && !self.moved {
             let message = FieldsMessage::new(fields);
             self.ask(message.header(Kind::State), |payload| message.write(payload), Kind::State)?;
         } else {
@@ -132,6 +143,7 @@ impl<const D: usize> RemoteFluid<D> {
             let message = MeshMessage::new(mesh, fields);
             self.ask(message.header(), |payload| message.write(payload), Kind::Mesh)?;
             self.mesh = Some(mesh.clone());
+            self.moved = false;
         }
         Ok(())
     }
@@ -154,6 +166,7 @@ impl<const D: usize> RemoteFluid<D> {
         let message = StepMessage::new(step, text);
         let header = message.header(self.accepted, self.last.iteration);
         self.accepted = false;
+        self.moved |= step.motion.is_some();
         let answer = self.ask(header, |payload| message.write(payload), Kind::Solution)?;
         let grains = step.grains.map_or(0, |grains| grains.position.len());
         let heat = step.grains.is_some_and(|grains| grains.load.heat.is_some());

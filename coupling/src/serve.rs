@@ -11,15 +11,16 @@ use std::sync::Arc;
 use std::time::Duration;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::exchange::AtBodies;
-use voidage_fluid::{Mesh, Vector};
+use voidage_fluid::{Mesh, MeshMotion, Vector};
 
-/// Serves a run with the Rust solver until it says goodbye. `wait` is how long the run may take to be there.
+/// Serves a run with the Rust solver until it says goodbye, or ends this process when the run is gone. `wait` is how long the run may take to be there.
 ///
 /// # Errors
 /// There is no such run, it is gone, or the solver failed (which the run has been told).
 pub fn serve(address: &Address, wait: Duration) -> Result<()> {
     let solver = concat!("rust ", env!("CARGO_PKG_VERSION"));
     let (mut peer, text) = Peer::connect(address, solver, wait)?;
+    peer.end_with_run();
     let outcome = match dimension(&text)? {
         2 => {
             let setup = Setup::<2>::parse(&text)?;
@@ -104,7 +105,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
     fn solve(&mut self, frame: &Frame, peer: &mut Peer) -> Result<()> {
         self.accept(frame);
         let header = frame.header();
-        let StepParts { layout, pieces, conditions } = read_step(header, frame.payload())?;
+        let StepParts { layout, pieces, motion, conditions } = read_step(header, frame.payload())?;
         self.conditions = conditions.unwrap_or(std::mem::take(&mut self.conditions));
         if let Some(places) = &pieces {
             let mesh = self.mesh.as_ref().ok_or_else(no_mesh)?;
@@ -117,6 +118,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
                 return Err(PeerError::Protocol(format!("voidage at {values} of {nodes} nodes")).into());
             }
         }
+        let [points, velocity] = motion.as_ref().map_or_else(Default::default, |at| at.read(frame.payload()));
         let Self { backend, conditions, position, radius, load, at, .. } = self;
         let step = FluidStep {
             number: header.step,
@@ -124,6 +126,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
             dt: header.dt,
             grains: pieces.is_some().then_some(Immersed { position, radius, load }),
             conditions,
+            motion: motion.is_some().then_some(MeshMotion { points: &points, velocity: &velocity }),
         };
         let report = backend.solve(&step, at)?;
         let message = SolutionMessage::new(at, &report);

@@ -3,6 +3,7 @@
 use crate::assembly::System;
 use crate::conditions::{Condition, FlowCondition, HeatCondition, Hold, facets};
 use crate::element::{facet_normal, facet_rule};
+use crate::geometry::Geometry;
 use crate::{Error, Mesh, Result, Vector};
 
 /// Geometry and rule of one facet.
@@ -37,75 +38,129 @@ impl<'a, const D: usize> Facet<'a, D> {
     }
 }
 
-/// Adds to the flow equations, on every facet, <<eps u . n, q>>, and on open ones
-/// <<p_out n, v>> - <<eps rho min(u_n . n, 0) u, v>>.
-pub fn add_flow<const D: usize, const B: usize>(
-    mesh: &Mesh<D>,
-    conditions: &[Condition<D>],
-    density: f64,
-    voidage: &[f64],
-    velocity: &[Vector<D>],
-    system: &mut System<B>,
-) {
-    for condition in conditions {
-        for nodes in facets(mesh, &condition.boundary) {
-            let facet = Facet::new(mesh, nodes);
-            facet.mass(
-                |phi| facet.at(phi, |node| voidage[node]),
-                |row, column, integral| {
-                    if let Some(block) = system.block(row, column) {
-                        for j in 0..D {
-                            block[D][j] += integral * facet.normal[j];
-                        }
-                    }
-                },
-            );
-            if let FlowCondition::Open { pressure } = condition.flow {
-                add_open(&facet, pressure, density, voidage, velocity, system);
-            }
-        }
-    }
+/// The boundary in one step.
+pub struct Around<'a, const D: usize, const B: usize> {
+    /// The mesh.
+    pub geometry: &'a Geometry<D, B>,
+    /// Its conditions.
+    pub conditions: &'a [Condition<D>],
+    /// What holds the velocity of each node.
+    pub holds: &'a [Option<Hold<D>>],
+    /// Nodal voidage.
+    pub voidage: &'a [f64],
 }
 
-fn add_open<const D: usize, const B: usize>(
-    facet: &Facet<'_, D>,
-    pressure: f64,
-    density: f64,
-    voidage: &[f64],
-    velocity: &[Vector<D>],
-    system: &mut System<B>,
-) {
-    for &node in facet.nodes {
-        for i in 0..D {
-            system.rhs[B * node as usize + i] -= pressure * facet.normal[i] * facet.measure / D as f64;
-        }
-    }
-    let inflow = |phi: &[f64; 3]| {
-        let through = facet.at(phi, |node| velocity[node].dot(&facet.normal));
-        -density * through.min(0.0) * facet.at(phi, |node| voidage[node])
-    };
-    facet.mass(inflow, |row, column, integral| {
-        if let Some(block) = system.block(row, column) {
-            for (i, line) in block.iter_mut().enumerate().take(D) {
-                line[i] += integral;
+/// What passes the boundary as far as it is prescribed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Through {
+    /// Fluid that leaves, and solid that moves with walls, less what enters, m3/s (m2/s in the plane).
+    pub net: f64,
+    /// What it would be if all went outward.
+    pub gross: f64,
+}
+
+impl<const D: usize, const B: usize> Around<'_, D, B> {
+    /// Adds to the flow equations <<eps u . n, q>> of every facet, and of open ones
+    /// <<p_out n, v>> - <<eps rho min((u_n - u_mesh) . n, 0) u, v>>.
+    ///
+    /// Only open facets have velocities that are not held. On all others the flux is known and goes to the right: that
+    /// of the held velocity, and where only the normal direction is held that of the wall, which on a curved wall and
+    /// with a voidage that varies is not quite that of the nodal velocities. No fluid is lost through a wall then, and
+    /// the equations of mass in a closed domain add up to what is prescribed. Of a moving wall the whole mixture moves
+    /// on, <<u_mesh . n, q>>, the solid as well as the fluid.
+    pub fn add_flow(&self, density: f64, velocity: &[Vector<D>], system: &mut System<B>) -> Through {
+        let mut through = Through::default();
+        for condition in self.conditions {
+            for nodes in facets(&self.geometry.mesh, &condition.boundary) {
+                let facet = Facet::new(&self.geometry.mesh, nodes);
+                match condition.flow {
+                    FlowCondition::Open { pressure } => {
+                        self.add_open(&facet, pressure, density, velocity, system);
+                    }
+                    FlowCondition::NoSlip | FlowCondition::Slip => {
+                        self.add_known(&facet, true, &mut through, system)
+                    }
+                    _ => self.add_known(&facet, false, &mut through, system),
+                }
             }
         }
-    });
+        through
+    }
+
+    fn add_known(&self, facet: &Facet<'_, D>, wall: bool, through: &mut Through, system: &mut System<B>) {
+        let voidage = |phi: &[f64; 3]| facet.at(phi, |node| self.voidage[node]);
+        let mut add = |row: u32, flux: Vector<D>| {
+            system.rhs[B * row as usize + D] -= flux.dot(&facet.normal);
+            through.net += flux.dot(&facet.normal);
+            through.gross += flux.norm();
+        };
+        facet.mass(voidage, |row, column, integral| {
+            if let Some(hold) = &self.holds[column as usize] {
+                add(row, hold.velocity() * integral);
+            }
+        });
+        if let Some(moving) = self.geometry.motion().filter(|_| wall) {
+            facet.mass(
+                |phi| 1.0 - voidage(phi),
+                |row, column, integral| add(row, moving[column as usize] * integral),
+            );
+        }
+    }
+
+    fn add_open(
+        &self,
+        facet: &Facet<'_, D>,
+        pressure: f64,
+        density: f64,
+        velocity: &[Vector<D>],
+        system: &mut System<B>,
+    ) {
+        for &node in facet.nodes {
+            for i in 0..D {
+                system.rhs[B * node as usize + i] -= pressure * facet.normal[i] * facet.measure / D as f64;
+            }
+        }
+        let voidage = |phi: &[f64; 3]| facet.at(phi, |node| self.voidage[node]);
+        facet.mass(voidage, |row, column, integral| {
+            if let Some(block) = system.block(row, column) {
+                for j in 0..D {
+                    block[D][j] += integral * facet.normal[j];
+                }
+            }
+        });
+        let wind = |node: usize| velocity[node] - self.geometry.velocity_of(node);
+        let inflow = |phi: &[f64; 3]| {
+            let through = facet.at(phi, |node| wind(node).dot(&facet.normal));
+            -density * through.min(0.0) * voidage(phi)
+        };
+        facet.mass(inflow, |row, column, integral| {
+            if let Some(block) = system.block(row, column) {
+                for (i, line) in block.iter_mut().enumerate().take(D) {
+                    line[i] += integral;
+                }
+            }
+        });
+    }
 }
 
 /// Puts the velocity conditions into the momentum equations: rows of fixed nodes become u = value; where only
-/// normals n are held, the rows are projected on the tangents and n n^T u = 0 is added.
+/// normals n are held, the rows are projected on the tangents and n n^T u = n n^T u_wall is added.
 pub fn apply_holds<const D: usize, const B: usize>(holds: &[Option<Hold<D>>], system: &mut System<B>) {
     for (node, hold) in holds.iter().enumerate() {
         match hold {
             None => {}
             Some(Hold::Fixed(value)) => (0..D).for_each(|i| system.prescribe(node, i, value[i])),
-            Some(Hold::Normal(normals)) => hold_normals(normals, node, system),
+            Some(Hold::Normal { normals, wall }) => hold_normals(normals, wall, node, system),
         }
     }
 }
 
-fn hold_normals<const D: usize, const B: usize>(normals: &[Vector<D>], node: usize, system: &mut System<B>) {
+fn hold_normals<const D: usize, const B: usize>(
+    normals: &[Vector<D>],
+    wall: &Vector<D>,
+    node: usize,
+    system: &mut System<B>,
+) {
     let (row, diagonal) = system.row(node);
     let Some(diagonal) = diagonal else { return };
     let scale = (0..D).map(|i| row[diagonal][i][i].abs()).fold(f64::MIN_POSITIVE, f64::max);
@@ -129,50 +184,48 @@ fn hold_normals<const D: usize, const B: usize>(normals: &[Vector<D>], node: usi
         let along: f64 = (0..D).map(|i| normal[i] * rhs[i]).sum();
         (0..D).for_each(|i| rhs[i] -= normal[i] * along);
     }
+    for normal in normals {
+        let along = scale * normal.dot(wall);
+        (0..D).for_each(|i| rhs[i] += normal[i] * along);
+    }
 }
 
-/// In a closed domain nothing sets the level of the pressure and the fluxes prescribed must balance: holds the
-/// pressure of the first node (the caller moves the mean to zero) or tells that they do not.
+/// In a closed domain nothing sets the level of the pressure, and the equations of mass add up to a condition on what
+/// is prescribed: `through` the boundary must go what `mass` sources give, m3/s. What is left of it, round-off and the
+/// error of sums for integrals, is spread evenly over the domain as by a Lagrange multiplier of the mean pressure. The
+/// equation of the first node then follows from the others, and its pressure can be held in its place (the caller moves
+/// the mean to zero).
+///
+/// # Errors
+/// The velocities prescribed do not balance.
 pub fn close<const D: usize, const B: usize>(
-    mesh: &Mesh<D>,
-    holds: &[Option<Hold<D>>],
-    voidage: &[f64],
+    through: &Through,
+    mass: f64,
+    geometry: &Geometry<D, B>,
     system: &mut System<B>,
 ) -> Result<()> {
-    let (mut net, mut gross) = (0.0, 0.0);
-    for part in &mesh.boundaries {
-        for nodes in part.facets.chunks_exact(D) {
-            let facet = Facet::new(mesh, nodes);
-            let through = |node: usize| match &holds[node] {
-                Some(Hold::Fixed(u)) => u.dot(&facet.normal),
-                _ => 0.0,
-            };
-            facet.mass(
-                |phi| facet.at(phi, |node| voidage[node]),
-                |_, column, integral| {
-                    net += integral * through(column as usize);
-                    gross += (integral * through(column as usize)).abs();
-                },
-            );
-        }
-    }
-    if net.abs() > 1e-9 * gross.max(f64::MIN_POSITIVE) {
+    let Through { net, gross } = *through;
+    if net.abs() > 1e-9 * gross {
         return Err(Error::Mesh(format!(
             "no boundary is open, but the prescribed velocities let {net:.3e} more fluid out than in; open one"
         )));
+    }
+    let excess = (net - mass) / geometry.volume();
+    for (node, volume) in geometry.nodal_volume.iter().enumerate() {
+        system.rhs[B * node + D] += excess * volume;
     }
     system.prescribe(0, D, 0.0);
     Ok(())
 }
 
 /// Adds to the energy equation Newton cooling, <<h_w T, v>> = <<h_w T_w, v>>, and the inflow term of open
-/// boundaries, -<<eps rho c min(u . n, 0) (T - T_out), v>>.
+/// boundaries, -<<eps rho c min(wind . n, 0) (T - T_out), v>>; `wind` is u_n - u_mesh at a node.
 pub fn add_heat<const D: usize>(
     mesh: &Mesh<D>,
     conditions: &[Condition<D>],
     capacity: f64,
     voidage: &[f64],
-    velocity: &[Vector<D>],
+    wind: impl Fn(usize) -> Vector<D>,
     system: &mut System<1>,
 ) {
     for condition in conditions {
@@ -189,7 +242,7 @@ pub fn add_heat<const D: usize>(
             match condition.heat {
                 HeatCondition::Newton { coefficient, temperature } => add(temperature, &|_| coefficient),
                 HeatCondition::Open { temperature: Some(outside) } => add(outside, &|phi| {
-                    let through = facet.at(phi, |node| velocity[node].dot(&facet.normal));
+                    let through = facet.at(phi, |node| wind(node).dot(&facet.normal));
                     -capacity * through.min(0.0) * facet.at(phi, |node| voidage[node])
                 }),
                 _ => {}

@@ -49,9 +49,9 @@ pub enum FlowCondition<const D: usize> {
     Velocity(Prescribed<D>),
     /// eps u given: u = value / eps with the nodal voidage of the step.
     SuperficialVelocity(Prescribed<D>),
-    /// u = 0.
+    /// u = 0, on a moving mesh u = u_mesh: the nodes of a wall move with it.
     NoSlip,
-    /// u . n = 0, no tangential traction.
+    /// u . n = 0, on a moving mesh u_mesh . n; no tangential traction.
     Slip,
     /// Traction -p n with the given pressure, Pa; where fluid enters, its momentum is taken up by the
     /// term -eps rho min(u_n . n, 0) u.
@@ -89,8 +89,23 @@ pub enum HeatCondition {
 pub enum Hold<const D: usize> {
     /// The whole velocity is given.
     Fixed(Vector<D>),
-    /// The components along these orthonormal directions are zero.
-    Normal(Vec<Vector<D>>),
+    /// The components along these orthonormal directions are those of the wall.
+    Normal {
+        /// The directions.
+        normals: Vec<Vector<D>>,
+        /// Velocity of the wall, m/s.
+        wall: Vector<D>,
+    },
+}
+
+impl<const D: usize> Hold<D> {
+    /// A velocity with the components that are held, m/s: with it goes what passes the boundary.
+    pub fn velocity(&self) -> Vector<D> {
+        match self {
+            Hold::Fixed(value) => *value,
+            Hold::Normal { wall, .. } => *wall,
+        }
+    }
 }
 
 /// Checks that every part of the boundary has exactly one condition and that every condition has a part.
@@ -124,11 +139,12 @@ pub fn facets<'a, const D: usize>(
 /// shared nodes, slip never frees a node that is fixed and is replaced by a later prescribed velocity.
 ///
 /// Slip normals of facets within 30 degrees are averaged (a smooth boundary); a sharper corner holds each
-/// of its directions.
+/// of its directions. `moving` holds the velocities of the nodes if the mesh moves.
 pub fn holds<const D: usize>(
     mesh: &Mesh<D>,
     conditions: &[Condition<D>],
     voidage: &[f64],
+    moving: Option<&[Vector<D>]>,
     holds: &mut Vec<Option<Hold<D>>>,
 ) {
     holds.clear();
@@ -137,12 +153,13 @@ pub fn holds<const D: usize>(
         for facet in facets(mesh, &condition.boundary) {
             for &node in facet {
                 let node = node as usize;
+                let wall = || moving.map_or_else(Vector::zeros, |velocity| velocity[node]);
                 let value = match &condition.flow {
                     FlowCondition::Velocity(value) => value.at(node),
                     FlowCondition::SuperficialVelocity(value) => value.at(node) / voidage[node],
-                    FlowCondition::NoSlip => Vector::zeros(),
+                    FlowCondition::NoSlip => wall(),
                     FlowCondition::Slip => {
-                        add_normal(mesh, facet, &mut holds[node]);
+                        add_normal(mesh, facet, wall(), &mut holds[node]);
                         continue;
                     }
                     FlowCondition::Open { .. } => continue,
@@ -152,20 +169,20 @@ pub fn holds<const D: usize>(
         }
     }
     for hold in holds.iter_mut().flatten() {
-        if let Hold::Normal(normals) = hold {
+        if let Hold::Normal { normals, .. } = hold {
             orthonormalise(normals);
         }
     }
 }
 
-fn add_normal<const D: usize>(mesh: &Mesh<D>, facet: &[u32], hold: &mut Option<Hold<D>>) {
+fn add_normal<const D: usize>(mesh: &Mesh<D>, facet: &[u32], wall: Vector<D>, hold: &mut Option<Hold<D>>) {
     const SAME: f64 = 0.866; // cos 30 degrees
     let corner: [Vector<D>; D] = std::array::from_fn(|k| mesh.points[facet[k] as usize]);
     let (measure, normal) = crate::element::facet_normal(&corner);
     match hold {
         Some(Hold::Fixed(_)) => {}
-        None => *hold = Some(Hold::Normal(vec![normal * measure])),
-        Some(Hold::Normal(normals)) => {
+        None => *hold = Some(Hold::Normal { normals: vec![normal * measure], wall }),
+        Some(Hold::Normal { normals, .. }) => {
             match normals.iter_mut().find(|other| other.normalize().dot(&normal).abs() > SAME) {
                 Some(other) => *other += normal * measure * other.dot(&normal).signum(),
                 None => normals.push(normal * measure),

@@ -2,10 +2,11 @@
 
 use crate::assembly::{Assembler, System};
 use crate::conditions::{self, Condition, FlowCondition, Hold};
-use crate::element::Element;
 use crate::exchange::{AtBodies, CellExchange, Exchange, NodalFields, PiecesByCell};
 use crate::forms::{self, Properties};
+use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
+use crate::sums::Sums;
 use crate::transport::{self, CellHeat, Scalar};
 use crate::{Error, Mesh, Result, Vector, boundary};
 use serde::{Deserialize, Serialize};
@@ -88,7 +89,7 @@ struct Heat {
 
 /// The solver on one mesh; `B` is `D + 1`.
 pub struct Flow<const D: usize, const B: usize> {
-    mesh: Mesh<D>,
+    geometry: Geometry<D, B>,
     properties: Properties<D>,
     newton: usize,
     /// Last accepted values.
@@ -96,9 +97,6 @@ pub struct Flow<const D: usize, const B: usize> {
     /// Values of the step in hand.
     next: State<D>,
     sources: Option<Sources<D>>,
-    elements: Vec<Element<D, B>>,
-    gradient: Vec<Vector<D>>,
-    nodal_volume: Vec<f64>,
     assembler: Assembler,
     system: System<B>,
     solver: Solver<B>,
@@ -122,16 +120,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         state: State<D>,
         numerics: &Numerics,
     ) -> Result<Self> {
-        const { assert!(B == D + 1) };
         conditions::check(&mesh, conditions)?;
         let nodes = mesh.points.len();
-        let elements: Vec<Element<D, B>> = (0..mesh.cells.len() / B)
-            .map(|cell| Element::new(std::array::from_fn(|a| mesh.points[mesh.cells[cell * B + a] as usize])))
-            .collect();
-        if let Some(flat) = elements.iter().position(|e| e.measure <= 0.0 || !e.measure.is_finite()) {
-            return Err(Error::Mesh(format!("cell {flat} of the mesh is flat or inverted")));
-        }
-        let nodal_volume = mesh.nodal_volume();
         let assembler = Assembler::new::<B>(nodes, &mesh.cells);
         let pattern = &assembler.pattern;
         let heat = heat.map(|properties| Heat {
@@ -142,7 +132,6 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         Ok(Self {
             system: System::new(pattern.clone()),
             solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow),
-            gradient: elements.iter().flat_map(|e| e.gradient).collect(),
             solid_flux: Vec::new(),
             unknown: vec![0.0; nodes * B],
             next: state.clone(),
@@ -150,11 +139,9 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             sources: None,
             holds: Vec::new(),
             sorted: PiecesByCell::default(),
-            mesh,
+            geometry: Geometry::new(mesh)?,
             properties,
             state,
-            elements,
-            nodal_volume,
             assembler,
             heat,
         })
@@ -162,7 +149,15 @@ impl<const D: usize, const B: usize> Flow<D, B> {
 
     /// The mesh.
     pub fn mesh(&self) -> &Mesh<D> {
-        &self.mesh
+        &self.geometry.mesh
+    }
+
+    /// Takes the motion of the mesh in the coming step; without one it stands still where it is.
+    ///
+    /// # Errors
+    /// Those of [`Geometry::follow`].
+    pub fn follow(&mut self, motion: Option<&MeshMotion<'_, D>>) -> Result<()> {
+        self.geometry.follow(motion)
     }
 
     /// Last accepted values.
@@ -208,7 +203,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         conditions: &[Condition<D>],
     ) -> Result<Report> {
         match exchange {
-            Some(load) => self.sorted.sort(load.pieces, self.elements.len()),
+            Some(load) => self.sorted.sort(load.pieces, self.geometry.elements.len()),
             None => self.sorted.clear(),
         }
         let mut report = Report::default();
@@ -230,41 +225,15 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             velocity: &self.next.velocity,
             pressure: &self.next.pressure,
             temperature: self.next.temperature.as_deref(),
-            gradient: &self.gradient,
+            gradient: &self.geometry.gradient,
         };
-        at.sample::<B>(&self.mesh, pieces, &fields);
+        at.sample::<B>(&self.geometry.mesh, pieces, &fields);
     }
 
     /// Force (N) and heat (W) that the fluid gives to the bodies in the step in hand, summed piece by piece:
     /// the counterpart, by another path, of what the affine law gives each body.
     pub fn exchanged(&self, load: &Exchange<'_, D>) -> (Vector<D>, f64) {
-        let (mut force, mut heat) = (Vector::zeros(), 0.0);
-        for body in 0..load.pieces.bodies() {
-            let (gamma, volume, mobility) = (load.drag[body], load.volume[body], load.mobility[body]);
-            for piece in load.pieces.of(body) {
-                let phi = load.pieces.shape::<B>(piece);
-                let cell = load.pieces.cell[piece] as usize * B;
-                let (mut velocity, mut slope, mut temperature) =
-                    (Vector::<D>::zeros(), Vector::<D>::zeros(), 0.0);
-                for a in 0..B {
-                    let node = self.mesh.cells[cell + a] as usize;
-                    velocity += self.next.velocity[node] * phi[a];
-                    slope += self.gradient[cell + a] * self.next.pressure[node];
-                    temperature += self.next.temperature.as_ref().map_or(0.0, |t| t[node] * phi[a]);
-                }
-                let share = load.pieces.share[piece];
-                let slip =
-                    velocity * (1.0 - mobility * gamma) - load.velocity[body] + slope * (mobility * volume);
-                force += (slip * gamma - slope * volume) * share;
-                if let Some(columns) = &load.heat {
-                    let coefficient = columns.coefficient[body];
-                    let slip = temperature * (1.0 - columns.mobility[body] * coefficient)
-                        - columns.temperature[body];
-                    heat += share * coefficient * slip;
-                }
-            }
-        }
-        (force, heat)
+        Sums { geometry: &self.geometry, state: &self.next, load }.exchanged()
     }
 
     fn solve_heat(
@@ -279,16 +248,17 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         let (Some(old), Some(next)) = (&self.state.temperature, &mut self.next.temperature) else {
             return Err(Error::Mesh("heat without an initial temperature".into()));
         };
-        let (mesh, elements, sorted, state) = (&self.mesh, &self.elements, &self.sorted, &self.state);
+        let (geometry, sorted, state) = (&self.geometry, &self.sorted, &self.state);
+        let wind = |node: usize| state.velocity[node] - geometry.velocity_of(node);
         let sources = self.sources.as_ref();
         let scalar = &heat.properties.scalar;
         let bodies = exchange.and_then(|load| load.heat.map(|columns| (load.pieces, columns)));
         self.assembler.assemble(&mut heat.system, |cell, out| {
-            let node: [usize; B] = std::array::from_fn(|a| mesh.cells[B * cell + a] as usize);
+            let node = geometry.nodes(cell);
             let cell = transport::Cell {
-                element: elements[cell],
+                element: geometry.elements[cell],
                 voidage: node.map(|n| voidage[n]),
-                velocity: node.map(|n| state.velocity[n]),
+                velocity: node.map(wind),
                 old: node.map(|n| old[n]),
                 exchange: bodies
                     .and_then(|(pieces, columns)| CellHeat::gather(pieces, &columns, sorted, cell)),
@@ -296,7 +266,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             };
             transport::assemble(&cell, scalar, dt, out);
         });
-        boundary::add_heat(mesh, conditions, scalar.capacity, voidage, &state.velocity, &mut heat.system);
+        let mesh = &geometry.mesh;
+        boundary::add_heat(mesh, conditions, scalar.capacity, voidage, wind, &mut heat.system);
         boundary::apply_temperatures(mesh, conditions, &mut heat.system);
         next.copy_from_slice(old);
         let solved = heat.solver.solve(&heat.system.matrix, &heat.system.rhs, next)?;
@@ -308,28 +279,9 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     /// last accepted fluid state.
     fn project_solid_flux(&mut self, exchange: Option<&Exchange<'_, D>>) {
         self.solid_flux.clear();
-        let Some(load) = exchange else { return };
-        self.solid_flux.resize(self.mesh.points.len(), Vector::zeros());
-        let law = load.continuity();
-        for body in 0..load.pieces.bodies() {
-            for piece in load.pieces.of(body) {
-                let phi = load.pieces.shape::<B>(piece);
-                let cell = load.pieces.cell[piece] as usize * B;
-                let mut velocity = Vector::<D>::zeros();
-                let mut slope = Vector::<D>::zeros();
-                for a in 0..B {
-                    let node = self.mesh.cells[cell + a] as usize;
-                    velocity += self.state.velocity[node] * phi[a];
-                    slope += self.gradient[cell + a] * self.state.pressure[node];
-                }
-                let moved = law.velocity[body]
-                    + (velocity * load.drag[body] - slope * load.volume[body]) * law.mobility[body];
-                let volume = load.pieces.share[piece] * load.volume[body];
-                for a in 0..B {
-                    let node = self.mesh.cells[cell + a] as usize;
-                    self.solid_flux[node] += moved * (volume * phi[a] / self.nodal_volume[node]);
-                }
-            }
+        if let Some(load) = exchange {
+            self.solid_flux.resize(self.state.velocity.len(), Vector::zeros());
+            Sums { geometry: &self.geometry, state: &self.state, load }.solid_flux(&mut self.solid_flux);
         }
     }
 
@@ -343,20 +295,17 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         report: &mut Report,
     ) -> Result<()> {
         self.assemble_flow(iteration, dt, voidage, exchange);
-        let velocity = &self.state.velocity;
-        boundary::add_flow(
-            &self.mesh,
-            conditions,
-            self.properties.density,
-            voidage,
-            velocity,
-            &mut self.system,
-        );
-        conditions::holds(&self.mesh, conditions, voidage, &mut self.holds);
+        let geometry = &self.geometry;
+        conditions::holds(&geometry.mesh, conditions, voidage, geometry.motion(), &mut self.holds);
+        let around = boundary::Around { geometry, conditions, holds: &self.holds, voidage };
+        let through = around.add_flow(self.properties.density, &self.state.velocity, &mut self.system);
         boundary::apply_holds(&self.holds, &mut self.system);
         let closed = !conditions.iter().any(|c| matches!(c.flow, FlowCondition::Open { .. }));
         if closed {
-            boundary::close::<D, B>(&self.mesh, &self.holds, voidage, &mut self.system)?;
+            let mass = self.sources.as_ref().map_or(0.0, |sources| {
+                geometry.nodal_volume.iter().zip(&sources.mass).map(|(volume, mass)| volume * mass).sum()
+            });
+            boundary::close(&through, mass, geometry, &mut self.system)?;
         }
         let start = if iteration == 0 { &self.state } else { &self.next };
         for (node, block) in self.unknown.chunks_exact_mut(B).enumerate() {
@@ -384,14 +333,16 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         voidage: &[f64],
         exchange: Option<&Exchange<'_, D>>,
     ) {
-        let (mesh, elements, sorted, fluid) = (&self.mesh, &self.elements, &self.sorted, &self.properties);
+        let (geometry, sorted, fluid) = (&self.geometry, &self.sorted, &self.properties);
         let old = &self.state.velocity;
         let at = if iteration == 0 { old } else { &self.next.velocity };
         let buoyancy = self.heat.as_ref().zip(self.next.temperature.as_ref());
         let (sources, flux) = (self.sources.as_ref(), &self.solid_flux);
         self.assembler.assemble(&mut self.system, |k, out| {
-            let node: [usize; B] = std::array::from_fn(|a| mesh.cells[B * k + a] as usize);
-            let element = elements[k];
+            let node = geometry.nodes(k);
+            let element = geometry.elements[k];
+            let moving = node.map(|n| geometry.velocity_of(n));
+            let over_mesh = |u: &[Vector<D>]| std::array::from_fn(|a| u[node[a]] - moving[a]);
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
             let bodies = exchange.and_then(|load| CellExchange::gather(load, sorted, k));
@@ -411,6 +362,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 voidage,
                 old: node.map(|n| old[n]),
                 at: node.map(|n| at[n]),
+                wind: over_mesh(at),
+                direction: over_mesh(old).iter().sum::<Vector<D>>() / B as f64,
                 weight,
                 solid_divergence,
                 exchange: bodies.as_ref(),
@@ -424,8 +377,9 @@ impl<const D: usize, const B: usize> Flow<D, B> {
 
     /// Moves the pressure of a closed domain to a mean of zero.
     fn centre_pressure(&mut self) {
-        let volume: f64 = self.nodal_volume.iter().sum();
-        let total: f64 = self.next.pressure.iter().zip(&self.nodal_volume).map(|(p, v)| p * v).sum();
+        let nodal_volume = &self.geometry.nodal_volume;
+        let volume: f64 = nodal_volume.iter().sum();
+        let total: f64 = self.next.pressure.iter().zip(nodal_volume).map(|(p, v)| p * v).sum();
         self.next.pressure.iter_mut().for_each(|p| *p -= total / volume);
     }
 }

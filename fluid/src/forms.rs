@@ -10,6 +10,10 @@
 //! <div(phi v*), q> + <div(eps u), q> + sum_e (xi / rho) <R_u, grad q>_e = 0
 //! ```
 //!
+//! On a moving mesh u - u_n is the change at a node that moves along, and the convecting velocity is u - u_mesh, there
+//! and in R_u and U; `at` below is u, `wind` is u - u_mesh. The form is not conservative, so that a uniform flow stays
+//! uniform however the nodes move. Without motion both are the same.
+//!
 //! with R_u, R_p the residuals of A.4-A.5 and U the velocity u_n at the centroid of the element. The print has
 //! neither the 1/rho of the pressure stabilisation nor the rho of the incompressibility term; without them
 //! the units do not agree and the solution would change with the unit of mass (a test changes that unit).
@@ -54,6 +58,10 @@ pub struct Cell<'a, const D: usize, const B: usize> {
     pub old: [Vector<D>; B],
     /// Velocity about which convection is linearised, m/s.
     pub at: [Vector<D>; B],
+    /// The same less the velocity of the mesh, m/s.
+    pub wind: [Vector<D>; B],
+    /// u_n less the velocity of the mesh at the centroid, the U of the stabilisation, m/s.
+    pub direction: Vector<D>,
     /// Weight of the fluid at the nodes over rho g, int eps (1 - beta (T - T_R)) phi_a; see [`fluid_weight`].
     pub weight: [f64; B],
     /// Divergence of the nodal solid flux phi v of the last accepted state, 1/s.
@@ -85,7 +93,7 @@ struct Residual<const D: usize, const B: usize> {
     rhs: Vector<D>,
 }
 
-/// Stabilisation times and lengths of one cell (A.10-A.12), from U = u_n at the centroid.
+/// Stabilisation times and lengths of one cell (A.10-A.12), from U = u_n - u_mesh at the centroid.
 pub struct Stabilisation<const D: usize> {
     /// U, m/s.
     pub direction: Vector<D>,
@@ -104,7 +112,7 @@ pub fn stabilisation_time(dt: f64, speed: f64, size: f64, diffusivity: f64, reac
 impl<const D: usize> Stabilisation<D> {
     /// The parameters of one cell.
     pub fn new<const B: usize>(cell: &Cell<'_, D, B>, fluid: &Properties<D>, dt: f64) -> Self {
-        let direction = cell.old.iter().sum::<Vector<D>>() / B as f64;
+        let direction = cell.direction;
         let speed = direction.norm();
         let h = cell.element.size();
         let nu = fluid.viscosity / fluid.density;
@@ -161,8 +169,8 @@ pub fn assemble<const D: usize, const B: usize>(
     least_squares_incompressibility(cell, fluid, &stabilisation, out);
 }
 
-/// <eps rho (u - u_n)/dt, v> + <eps rho ((w . grad) u + (u . grad) w - (w . grad) w), v>: backward Euler and
-/// one Newton linearisation of the convection about w.
+/// <eps rho (u - u_n)/dt, v> + <eps rho (((w - u_mesh) . grad) u + (u . grad) w - (w . grad) w), v>: backward Euler
+/// and one Newton linearisation of the convection ((u - u_mesh) . grad) u about w.
 fn inertia_and_convection<const D: usize, const B: usize>(
     cell: &Cell<'_, D, B>,
     fluid: &Properties<D>,
@@ -173,9 +181,11 @@ fn inertia_and_convection<const D: usize, const B: usize>(
     let slope = cell.element.gradient_of_vector(&cell.at);
     for a in 0..B {
         let mut carried = Vector::<D>::zeros();
+        let mut wind = Vector::<D>::zeros();
         let mut old = Vector::<D>::zeros();
         for b in 0..B {
             carried += cell.at[b] * cell.mass[a][b];
+            wind += cell.wind[b] * cell.mass[a][b];
             old += cell.old[b] * cell.mass[a][b];
         }
         let known = (old / dt + slope * carried) * rho;
@@ -183,7 +193,7 @@ fn inertia_and_convection<const D: usize, const B: usize>(
             out.rhs[a][i] += known[i];
         }
         for b in 0..B {
-            let diagonal = rho * (cell.mass[a][b] / dt + carried.dot(&cell.element.gradient[b]));
+            let diagonal = rho * (cell.mass[a][b] / dt + wind.dot(&cell.element.gradient[b]));
             let block = &mut out.matrix[a][b];
             for i in 0..D {
                 block[i][i] += diagonal;
@@ -298,9 +308,11 @@ fn momentum_residual<const D: usize, const B: usize>(
     let slope: SMatrix<f64, D, D> = cell.element.gradient_of_vector(&cell.at);
     let voidage_slope = cell.element.gradient_of(&cell.voidage);
     let mut carried = Vector::<D>::zeros();
+    let mut wind = Vector::<D>::zeros();
     let mut old = Vector::<D>::zeros();
     for a in 0..B {
         carried += cell.at[a] * cell.load[a];
+        wind += cell.wind[a] * cell.load[a];
         old += cell.old[a] * cell.load[a];
     }
     let weight: f64 = cell.weight.iter().sum();
@@ -310,7 +322,7 @@ fn momentum_residual<const D: usize, const B: usize>(
     }
     let mut matrix = [[[0.0; B]; B]; D];
     for b in 0..B {
-        let diagonal = rho * (cell.load[b] / dt + carried.dot(&gradient[b]))
+        let diagonal = rho * (cell.load[b] / dt + wind.dot(&gradient[b]))
             + fluid.thin_cell_drag * measure / B as f64
             - fluid.viscosity * measure * gradient[b].dot(&voidage_slope);
         for i in 0..D {

@@ -3,7 +3,8 @@
 //! The fluid knows nothing of grains: bodies immersed in it are [`exchange::Pieces`] with a drag coefficient
 //! and an affine law for their velocity and temperature ([`exchange::Exchange`]). A step of [`flow::Flow`]
 //! solves the energy equation ([`transport`]) and then, in one monolithic system, momentum and mass
-//! ([`forms`]) on a simplicial mesh ([`mesh`]) with conditions on its named boundaries ([`conditions`]).
+//! ([`forms`]) on a simplicial mesh ([`mesh`]), which may move ([`geometry`]), with conditions on its named
+//! boundaries ([`conditions`]).
 
 pub mod assembly;
 pub mod boundary;
@@ -13,12 +14,16 @@ pub mod error;
 pub mod exchange;
 pub mod flow;
 pub mod forms;
+pub mod geometry;
+pub mod harmonic;
 pub mod linear;
 pub mod mesh;
+mod sums;
 pub mod transport;
 
 pub use error::{Error, Result};
 pub use flow::Flow;
+pub use geometry::MeshMotion;
 pub use mesh::Mesh;
 
 /// A point or vector of the plane (`D = 2`) or of space (`D = 3`).

@@ -1,7 +1,7 @@
 //! Transported scalars: one equation for heat (and, the same, for vapour).
 //!
 //! ```text
-//! <eps C (T - T_n)/dt, S> + <eps C u_n . grad T, S> + <eps K grad T, grad S> - <q_p + q_l + s, S>
+//! <eps C (T - T_n)/dt, S> + <eps C (u_n - u_mesh) . grad T, S> + <eps K grad T, grad S> - <q_p + q_l + s, S>
 //!     + sum_e xi_T <R_T, U . grad S>_e = boundary heat
 //! ```
 //!
@@ -47,7 +47,7 @@ pub struct Cell<const D: usize, const B: usize> {
     pub element: Element<D, B>,
     /// Nodal voidage.
     pub voidage: [f64; B],
-    /// Convecting velocity u_n, m/s.
+    /// Convecting velocity u_n - u_mesh, m/s.
     pub velocity: [Vector<D>; B],
     /// Values of the last accepted step.
     pub old: [f64; B],

@@ -6,8 +6,14 @@ use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
+use voidage_coupling::backend::{FluidBackend, FluidStep, GrainLoad, HeatLoad, Immersed};
+use voidage_coupling::launch::Host;
+use voidage_coupling::overlap::{self, Overlap};
 use voidage_coupling::protocol::{Header, Kind};
-use voidage_coupling::transport::Address;
+use voidage_coupling::transport::{self, Address};
+use voidage_coupling::{Scene, build};
+use voidage_fluid::Vector;
+use voidage_fluid::exchange::AtBodies;
 
 const BED: &str = include_str!("bed.toml");
 /// A run that only ends by force.
@@ -233,6 +239,117 @@ fn a_killed_run_takes_its_solver_with_it_and_nothing_stays_after_the_next_start(
             let now = in_shared_memory();
             !left.iter().any(|name| now.contains(name))
         });
+    }
+}
+
+/// Tells the test below that it is the process to die.
+const DIES: &str = "VOIDAGE_TEST_DIES_AT";
+
+#[test]
+fn a_solver_that_dies_before_its_hello_ends_the_run() {
+    if let Ok(address) = std::env::var(DIES) {
+        let _channel = transport::connect(&address.parse().unwrap(), Duration::from_secs(60)).unwrap();
+        // Time to be seen, or not.
+        std::thread::sleep(Duration::from_millis(300));
+        std::process::abort();
+    }
+    let this = "a_solver_that_dies_before_its_hello_ends_the_run";
+    for address in [Address::unique(), Address::Tcp("127.0.0.1:47313".into())] {
+        let folder = folder();
+        let run_process = start(folder.path(), "out", &["--fluid", &format!("attach:{address}")]);
+        let mut solver = Command::new(std::env::current_exe().unwrap());
+        solver.args(["--exact", this]).env(DIES, address.to_string());
+        assert!(!solver.stdout(Stdio::null()).stderr(Stdio::null()).status().unwrap().success());
+        let died = Instant::now();
+        let (code, said) = end(run_process);
+        assert!(died.elapsed() < SOON, "{:?}", died.elapsed());
+        assert_eq!(code, Some(1), "{said}");
+        assert!(said.contains("it is gone"), "{said}");
+    }
+}
+
+/// So many grains all over a mesh, with what a step needs of them.
+fn crowd(mesh: &voidage_fluid::Mesh<2>, count: usize) -> (Vec<Vector<2>>, Vec<f64>, GrainLoad<2>) {
+    let (lower, upper) = mesh.bounds();
+    // Multiples of irrational numbers lie evenly.
+    let place = |i: usize, k: usize| 0.05 + 0.9 * (i as f64 * [0.754_877_666, 0.569_840_290][k]).fract();
+    let position: Vec<_> = (0..count)
+        .map(|i| Vector::<2>::from_fn(|k, _| lower[k] + (upper[k] - lower[k]) * place(i, k)))
+        .collect();
+    let area = (upper - lower).product();
+    let column = |most: f64| (0..count).map(|i| most * (0.5 + 0.5 * place(i, 0))).collect::<Vec<_>>();
+    let each = 1.0 / count as f64;
+    let heat = HeatLoad {
+        coefficient: column(10.0 * each),
+        mobility: vec![0.0; count],
+        temperature: vec![350.0; count],
+    };
+    let mut load = GrainLoad {
+        volume: column(0.4 * area * each),
+        drag: column(0.1 * each),
+        mobility: vec![0.0; count],
+        velocity: vec![Vector::zeros(); count],
+        heat: Some(heat),
+        ..GrainLoad::default()
+    };
+    let radius = vec![0.3 * (area * each).sqrt(); count];
+    Overlap::new(mesh).unwrap().cut(mesh, &position, &radius, &mut load.pieces).unwrap();
+    overlap::voidage(mesh, &load.pieces, &load.volume, &mesh.nodal_volume(), &mut load.voidage);
+    (position, radius, load)
+}
+
+#[test]
+fn grains_may_grow_in_number_by_a_hundred_times_during_a_run() {
+    let folder = folder();
+    let path = folder.path().join("scene.toml");
+    let scene = |sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(|set| set.to_string()).collect();
+        Scene::read(&path, &sets).unwrap()
+    };
+    let host = Host { program: env!("CARGO_BIN_EXE_voidage").into(), log: folder.path().join("solver.log") };
+    let coupled = build::coupled(&scene(&[]), &host).unwrap();
+    let fluid = coupled.fluid.unwrap();
+    for (transport, solver) in [("shm", "serve"), ("tcp", "serve"), ("shm", "scikit-fem")] {
+        let choice = [
+            format!("fluid.backend.solver={solver:?}"),
+            format!("fluid.backend.transport={transport:?}"),
+            "fluid.solver.tolerance=1e-13".into(),
+        ];
+        let remote = scene(&choice.each_ref().map(String::as_str));
+        let here = scene(&["fluid.solver.tolerance=1e-13"]);
+        let mut backends = [&here, &remote].map(|scene| build::backend(scene, &host).unwrap());
+        let start = at_rest(&fluid.mesh);
+        backends.iter_mut().for_each(|backend| backend.start(&fluid.mesh, &start).unwrap());
+        for (number, count) in (1..).zip([50, 5_000, 70, 5_000]) {
+            let (position, radius, load) = crowd(&fluid.mesh, count);
+            let grains = Some(Immersed { position: &position, radius: &radius, load: &load });
+            let (time, conditions) = (1e-3 * (number - 1) as f64, &fluid.conditions[..]);
+            let step = FluidStep { number, time, dt: 1e-3, grains, conditions, motion: None };
+            let [ours, theirs] = backends.each_mut().map(|backend| {
+                let mut at = AtBodies::default();
+                backend.solve(&step, &mut at).unwrap();
+                backend.accept();
+                at
+            });
+            assert_eq!(theirs.velocity.len(), count);
+            if solver == "serve" {
+                assert_eq!(theirs, ours);
+            }
+            let largest = ours.velocity.iter().fold(0.0, |most: f64, u| most.max(u.norm()));
+            for (a, b) in ours.velocity.iter().zip(&theirs.velocity) {
+                assert!((a - b).norm() <= 1e-9 * largest, "{solver}: {a} {b}");
+            }
+        }
+    }
+}
+
+/// Gas at rest.
+fn at_rest(mesh: &voidage_fluid::Mesh<2>) -> voidage_fluid::flow::State<2> {
+    let nodes = mesh.points.len();
+    voidage_fluid::flow::State {
+        velocity: vec![Vector::zeros(); nodes],
+        pressure: vec![0.0; nodes],
+        temperature: Some(vec![290.0; nodes]),
     }
 }
 

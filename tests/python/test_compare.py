@@ -30,8 +30,19 @@ def compare(program, scene, out, *options):
         (CASES / "cavity" / "scene.toml", "1,20"),
         (SCENES / "convection.toml", "1,20"),
         (SCENES / "full-cells.toml", "1,5"),
+        (SCENES / "moving-mesh.toml", "1,30"),
+        (SCENES / "moving-box.toml", "1,30"),
     ],
-    ids=["bubbling bed", "packed bed", "settling grain", "cavity", "convection", "full cells"],
+    ids=[
+        "bubbling bed",
+        "packed bed",
+        "settling grain",
+        "cavity",
+        "convection",
+        "full cells",
+        "moving mesh",
+        "moving rod in a closed box",
+    ],
 )
 def test_solvers_agree_to_round_off(program, tmp_path, scene, at):
     done, rows = compare(program, scene, tmp_path / "out", "--at", at, "--steps", "0")

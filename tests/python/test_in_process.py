@@ -18,6 +18,42 @@ def test_the_dummy_blows_its_stream():
     np.testing.assert_allclose(simulation.fluid["pressure"], heavy, atol=1e-12)
 
 
+class Unsummed(Dummy):
+    """Does not sum what it gives to the grains."""
+
+    def solve(self, step):
+        at, report = super().solve(step)
+        report.force = np.zeros(0)
+        return at, report
+
+
+def test_defects_are_not_known_where_the_solver_does_not_sum():
+    simulation = voidage.Simulation(BED, fluid=Unsummed())
+    report = simulation.run(until=0.003)
+    assert not {"momentum_exchange_defect", "energy_exchange_defect"} & set(report)
+    assert report["solid_volume_defect"] < 1e-12
+
+
+@pytest.mark.parametrize("name", ["scikit_fem:ScikitFem", "fenicsx:FEniCSx"])
+def test_a_moving_mesh_reaches_a_solver_in_this_process(name):
+    module, solver = name.split(":")
+    module = pytest.importorskip(f"voidage.{module}", exc_type=ImportError)
+    scene = BED.parents[1] / "python" / "scenes" / "moving-mesh.toml"
+    tight = ["fluid.solver.tolerance=1e-13"]
+    rust = voidage.Simulation(scene, tight)
+    python = voidage.Simulation(scene, tight, fluid=getattr(module, solver)())
+    rest = rust.mesh.points.copy()
+    for simulation in (rust, python):
+        simulation.run(until=0.003)
+    np.testing.assert_array_equal(rust.mesh.points, python.mesh.points)
+    assert abs(rust.mesh.points - rest).max() > 1e-4
+    for column in rust.fluid:
+        scale = abs(rust.fluid[column]).max()
+        np.testing.assert_allclose(
+            python.fluid[column], rust.fluid[column], rtol=0, atol=1e-8 * scale
+        )
+
+
 def test_scikit_fem_agrees_with_rust():
     pytest.importorskip("skfem")
     from voidage.scikit_fem import ScikitFem

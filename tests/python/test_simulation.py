@@ -1,5 +1,7 @@
 """Simulations driven from Python: the same as the program, state that can be read and written."""
 
+import dataclasses
+import json
 import os
 import subprocess
 import sys
@@ -8,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import voidage
+from voidage.solver import Heat, Problem
 
 ROOT = Path(__file__).parents[2]
 BED = ROOT / "tests" / "cases" / "bed.toml"
@@ -146,6 +149,25 @@ def test_writing_checks(bed, name, value, error, text):
 def test_wrong_input_is_a_value_error_with_the_text_of_the_program(arguments, text):
     with pytest.raises(ValueError, match=text):
         voidage.Simulation(**arguments)
+
+
+def test_defaults_are_those_of_a_scene(program):
+    """What a solver may leave out means the same in Python as in a scene."""
+    schema = json.loads(subprocess.run([program, "schema"], check=True, capture_output=True).stdout)
+    tables = schema["$defs"]
+    python = {
+        field.name: field.default
+        for table in (Problem, Heat)
+        for field in dataclasses.fields(table)
+        if field.default is not dataclasses.MISSING
+    }
+    compared = 0
+    for table in ("FluidSolver", "FluidHeat"):
+        for key, described in tables[table]["properties"].items():
+            if key in python and "default" in described:
+                assert python[key] == described["default"], key
+                compared += 1
+    assert compared >= 4
 
 
 def test_a_run_that_fails_is_a_runtime_error(bed):

@@ -10,6 +10,7 @@ from voidage.solver import (
     Fields,
     Grains,
     Heat,
+    Motion,
     Newton,
     NoSlip,
     Open,
@@ -145,6 +146,34 @@ def test_a_stream_through_open_boundaries(solver):
     np.testing.assert_allclose(solver.fields().velocity, fields.velocity, atol=1e-10)
     np.testing.assert_allclose(solver.fields().pressure, pressure, rtol=1e-10)
     np.testing.assert_allclose(solver.fields().temperature, T, rtol=1e-12)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_uniform_stream_on_a_moving_mesh(solver, rng, dimension):
+    """However the nodes move, uniform flow and temperature stay so: inflow, outflow, walls with slip."""
+    U, dt = np.eye(dimension)[0] * 2, 0.05
+    box = problem(4, dimension, tolerance=1e-12)
+    box = with_temperature(box, np.full(len(box.points), 310.0))
+    stream = np.tile(U, (len(box.points), 1))
+    solver.set_mesh(dataclasses.replace(box, fields=Fields(stream, box.fields.pressure, 310.0 + 0 * box.points[:, 0])))
+    conditions = [Condition(name, Slip()) for name in box.boundaries]
+    conditions[0] = Condition("x0", Velocity(U))
+    conditions[1] = Condition("x1", Open(0.0), OpenHeat(300.0))
+    clear, points = np.ones(len(box.points)), box.points
+    for _ in range(3):
+        jump = 0.08 * (rng.random(points.shape) - 0.5)
+        for k in range(dimension):
+            for at in (0.0, 1.0):
+                # Walls and ends stay plane; the outflow moves back and forth.
+                jump[box.points[:, k] == at, k] = (k == 0) * at * 0.05 * rng.random()
+        velocity = (box.points + jump - points) / dt
+        points = box.points + jump
+        solver.solve(Step(dt, conditions, clear, motion=Motion(points, velocity)))
+        solver.accept()
+        found = solver.fields()
+        np.testing.assert_allclose(found.velocity, stream, atol=1e-9)
+        np.testing.assert_allclose(found.pressure, 0, atol=1e-9)
+        np.testing.assert_allclose(found.temperature, 310.0, atol=1e-8)
 
 
 def manufactured(points):

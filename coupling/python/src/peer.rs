@@ -2,7 +2,7 @@
 
 use crate::arrays::Column as Copied;
 use crate::mesh::Mesh;
-use crate::solver::{field_arrays, piece_arrays, read_report};
+use crate::solver::{field_arrays, motion_arrays, piece_arrays, read_report};
 use crate::views::{self, Memory};
 use pyo3::exceptions::{PyBufferError, PyKeyError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -13,10 +13,11 @@ use std::time::{Duration, Instant};
 use voidage_coupling::PeerError;
 use voidage_coupling::backend::FluidReport;
 use voidage_coupling::protocol::{
-    COLUMNS, Column, FIELDS, HEAT, Header, Kind, Layout, PiecePlaces, SOLUTION, dimension, read_fields,
-    read_mesh, read_step,
+    COLUMNS, Column, FIELDS, HEAT, Header, Kind, Layout, MotionPlaces, PiecePlaces, SOLUTION, dimension,
+    read_fields, read_mesh, read_step,
 };
 use voidage_coupling::transport::{self, Address, LOOK};
+use voidage_fluid::MeshMotion;
 
 fn exception(error: PeerError) -> PyErr {
     PyRuntimeError::new_err(match error {
@@ -84,6 +85,11 @@ impl Peer {
     #[getter]
     fn setup(&self) -> &str {
         &self.setup
+    }
+
+    /// From now on this process ends, with exit code 1, when the run is gone while a request is being answered.
+    fn end_with_run(&mut self) {
+        self.inner().end_with_run();
     }
 
     /// Waits for a request, at most `timeout` seconds; None if there is none yet. Other threads go on meanwhile, and
@@ -162,14 +168,14 @@ impl Peer {
             self.nodes = frame.header().rows as usize;
             self.cells = frame.header().cells as usize;
         }
-        let (layout, pieces) = match frame.kind() {
+        let (layout, pieces, motion) = match frame.kind() {
             Kind::Step => {
                 let step = read_step::<2>(frame.header(), frame.payload()).map_err(exception)?;
-                (step.layout, step.pieces)
+                (step.layout, step.pieces, step.motion)
             }
-            _ => (Layout::new(2, 0, &[], 0), None),
+            _ => (Layout::new(2, 0, &[], 0), None, None),
         };
-        Ok(Frame { frame, layout, pieces, nodes: self.nodes, cells: self.cells })
+        Ok(Frame { frame, layout, pieces, motion, nodes: self.nodes, cells: self.cells })
     }
 
     fn answer(&mut self, py: Python<'_>, header: Header, layout: Layout) -> PyResult<Answer> {
@@ -198,6 +204,7 @@ pub struct Frame {
     frame: transport::Frame,
     layout: Layout,
     pieces: Option<PiecePlaces>,
+    motion: Option<MotionPlaces>,
     nodes: usize,
     cells: usize,
 }
@@ -275,6 +282,14 @@ impl Frame {
         let Some(places) = &self.pieces else { return Ok(None) };
         let numbers = self.payload()[places.voidage.clone()].to_vec();
         Copied { numbers, width: 1 }.into_array(py).map(Some)
+    }
+
+    /// Copies of the places of the nodes at the end of a step and of their velocities, (n, 2) each; None if the mesh stands
+    /// still.
+    fn motion<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
+        let Some(places) = &self.motion else { return Ok(None) };
+        let [points, velocity] = places.read::<2>(self.payload());
+        motion_arrays(py, &MeshMotion { points: &points, velocity: &velocity }).map(Some)
     }
 
     /// Names of the columns of a step.

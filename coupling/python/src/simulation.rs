@@ -56,7 +56,8 @@ impl Simulation {
         let fluid = Choice::new(fluid);
         let scheme = Choice::new(scheme);
         if let Some(name) = &fluid.name {
-            set.push(format!("fluid.backend.solver={}", solver_setting(name)?));
+            let solver = name.parse::<Solver>();
+            set.push(solver.map_err(|error| PyValueError::new_err(format!("fluid {error}")))?.setting());
         }
         set.extend(scheme.name.iter().map(|name| format!("coupling.scheme={name:?}")));
         let mut scene = Scene::read(&scene, &set).map_err(|error| exception(&error))?;
@@ -204,19 +205,6 @@ impl<'py> Choice<'py> {
             Some(Ok(name)) => Self { name: Some(name), object: None },
             _ => Self { name: None, object: value },
         }
-    }
-}
-
-/// The value of `fluid.backend.solver` for a name.
-fn solver_setting(name: &str) -> PyResult<String> {
-    match Solver::named(name) {
-        Some(Solver::Python(module)) => Ok(format!("{{python={module:?}}}")),
-        Some(Solver::Attach(address)) => Ok(format!("{{attach={address:?}}}")),
-        Some(solver) => Ok(format!("{:?}", solver.name())),
-        None => Err(PyValueError::new_err(format!(
-            "fluid={name:?}: there is no such fluid solver\n  \
-             help: use rust, serve, fenicsx, scikit-fem, python:MODULE, attach:ADDRESS or an object"
-        ))),
     }
 }
 

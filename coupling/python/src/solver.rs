@@ -10,10 +10,10 @@ use std::sync::Arc;
 use voidage_coupling::backend::{FluidBackend, FluidReport, FluidStep, GrainLoad};
 use voidage_coupling::protocol::Setup;
 use voidage_coupling::{Error, Result};
-use voidage_fluid::Vector;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::exchange::{AtBodies, Pieces};
 use voidage_fluid::flow::{Report, State};
+use voidage_fluid::{MeshMotion, Vector};
 
 /// A solver in Python, behind a `voidage.adapter.Driver`.
 pub struct PythonFluid {
@@ -83,7 +83,9 @@ impl FluidBackend<2> for PythonFluid {
             let voidage = grains
                 .map(|grains| Column::from(grains.load.voidage.as_slice()).into_array(py))
                 .transpose()?;
-            let answer = driver.call_method1("solve", (step.dt, conditions, columns, pieces, voidage))?;
+            let motion = step.motion.as_ref().map(|motion| motion_arrays(py, motion)).transpose()?;
+            let arguments = (step.dt, conditions, columns, pieces, voidage, motion);
+            let answer = driver.call_method1("solve", arguments)?;
             let (at, report): (Bound<'_, PyAny>, Bound<'_, PyAny>) = answer.extract()?;
             if let Some(grains) = grains {
                 let (count, heat) = (grains.position.len(), grains.load.heat.is_some());
@@ -124,6 +126,16 @@ pub fn piece_arrays<'py>(py: Python<'py>, pieces: &Pieces<2>) -> PyResult<Bound<
     let (first, cell) = (integers(py, &pieces.first, 1)?, integers(py, &pieces.cell, 1)?);
     let share = Column::from(pieces.share.as_slice());
     (first, cell, shape.into_array(py)?, share.into_array(py)?).into_pyobject(py)
+}
+
+/// Arrays (points, velocity) of the motion of a mesh.
+pub fn motion_arrays<'py, const D: usize>(
+    py: Python<'py>,
+    motion: &MeshMotion<'_, D>,
+) -> PyResult<Bound<'py, PyTuple>> {
+    let [points, velocity] =
+        [motion.points, motion.velocity].map(|column| Column::from(column).into_array(py));
+    (points?, velocity?).into_pyobject(py)
 }
 
 fn load_columns<'py>(py: Python<'py>, load: &GrainLoad<2>) -> PyResult<Bound<'py, PyDict>> {
@@ -176,13 +188,13 @@ pub fn read_report(report: &Bound<'_, PyAny>) -> PyResult<FluidReport<2>> {
     Ok(FluidReport { solver, force: read_force(report)?, heat: number("heat")?, transport_s: 0.0 })
 }
 
-/// The force on all grains; not a number where the solver does not sum it.
-pub fn read_force<const D: usize>(report: &Bound<'_, PyAny>) -> PyResult<Vector<D>> {
+/// The force on all grains; empty where the solver does not sum it.
+fn read_force<const D: usize>(report: &Bound<'_, PyAny>) -> PyResult<Option<Vector<D>>> {
     let force = given(report, "force")?;
     if force.len()? == 0 {
-        return Ok(Vector::repeat(f64::NAN));
+        return Ok(None);
     }
-    Ok(Vector::from_column_slice(&finite_numbers(&force, "force", Some(D), 1)?))
+    Ok(Some(Vector::from_column_slice(&finite_numbers(&force, "force", Some(D), 1)?)))
 }
 
 fn read_fields(fields: &Bound<'_, PyAny>, nodes: usize) -> PyResult<State<2>> {

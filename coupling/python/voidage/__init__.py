@@ -22,7 +22,7 @@ try:
 except ImportError as error:
     help = "help: tests/python-setup builds and installs the package"
     raise ImportError(f"{error}\n  {help}") from error
-from .solver import AtGrains, Fields, Pieces, Problem, Report, Solver, Step
+from .solver import AtGrains, Fields, Motion, Pieces, Problem, Report, Solver, Step
 
 __all__ = [
     "Answer",
@@ -32,6 +32,7 @@ __all__ = [
     "Frame",
     "GrainState",
     "Mesh",
+    "Motion",
     "Overlap",
     "Peer",
     "Pieces",

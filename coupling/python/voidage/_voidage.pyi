@@ -217,6 +217,9 @@ class Peer:
     @property
     def setup(self) -> str:
         """What the run tells once: properties, numerics and boundary conditions, as JSON."""
+    def end_with_run(self) -> None:
+        """From now on this process ends, with exit code 1, when the run is gone while a request is
+        being answered."""
     def receive(self, timeout: float) -> Frame | None:
         """Waits for a request, at most ``timeout`` seconds. Other threads go on meanwhile, and
         signals are seen. Raises RuntimeError if the run is gone."""
@@ -270,6 +273,9 @@ class Frame:
         :meth:`Overlap.cut` returns them; None without grains."""
     def voidage(self) -> Floats | None:
         """A copy of the nodal voidage of a step (n,); None without grains."""
+    def motion(self) -> tuple[_Floats, _Floats] | None:
+        """Copies of the places of the nodes at the end of a step and of their velocities, (n, 2)
+        each; None if the mesh stands still."""
     def keys(self) -> list[str]:
         """Names of the columns of a step."""
     def __contains__(self, name: str, /) -> bool: ...

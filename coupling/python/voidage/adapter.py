@@ -32,6 +32,7 @@ from .solver import (
     GrainHeat,
     Grains,
     Heat,
+    Motion,
     Pieces,
     Problem,
     Report,
@@ -165,13 +166,19 @@ class Driver:
         columns: Mapping[str, Floats] | None,
         pieces: tuple | None,
         voidage: Floats | None,
+        motion: tuple[Floats, Floats] | None,
     ) -> tuple[AtGrains, Report]:
         """Solves a step; ``described`` are its conditions as JSON, empty if they are the old."""
         if described:
             self.conditions = conditions(json.loads(described))
-        step = Step(dt, self.conditions, np.ones(len(self.mesh[0])) if voidage is None else voidage)
-        if columns is not None:
-            step = Step(dt, self.conditions, voidage, grains(columns), Pieces(*pieces))
+        step = Step(
+            dt,
+            self.conditions,
+            np.ones(len(self.mesh[0])) if voidage is None else voidage,
+            None if columns is None else grains(columns),
+            None if pieces is None else Pieces(*pieces),
+            motion=None if motion is None else Motion(*motion),
+        )
         answer = self.solver.solve(step)
         if not (isinstance(answer, tuple) and len(answer) == 2):
             raise TypeError(
@@ -274,7 +281,7 @@ class Server:
         if "position" in frame:
             columns = {name: frame[name] for name in frame.keys()}
             count = len(frame["radius"])
-        step = (frame.dt, frame.text, columns, frame.pieces(), frame.voidage())
+        step = (frame.dt, frame.text, columns, frame.pieces(), frame.voidage(), frame.motion())
         at, report = self.ranks.call("solve", *step)
         heated = columns is not None and "heat_coefficient" in columns
         answer = self.peer.solution(count, heated)
@@ -315,16 +322,21 @@ def _communicator():
     return MPI.COMM_WORLD
 
 
-def serve(make: Callable[[], Solver], address: str, wait: float = 60.0) -> None:
+def serve(
+    make: Callable[[], Solver], address: str, wait: float = 60.0, alone: bool = False
+) -> None:
     """Serves the run at an address with a solver, until the run says goodbye.
 
     ``make`` makes the solver; ``wait`` is how long the run may take to be there, s. Raises
-    RuntimeError if the run is gone.
+    RuntimeError if the run is gone. If this process is there for the solver ``alone``, it ends when
+    the run is gone in the middle of a step.
     """
     solver, communicator = make(), _communicator()
     first = communicator is None or communicator.rank == 0
     peer = Peer(address, type(solver).__name__, wait=wait) if first else None
     setup = peer.setup if first else None
+    if first and alone:
+        peer.end_with_run()
     if communicator is not None:
         setup = communicator.bcast(setup)
     ranks = Ranks(Driver(solver, setup), communicator)
@@ -408,7 +420,10 @@ def main(solver: type | None = None, arguments: Sequence[str] | None = None) -> 
     given = parser.parse_args(arguments)
     try:
         serve(
-            lambda: (solver or find(given.solver))(**dict(given.option)), given.connect, given.wait
+            lambda: (solver or find(given.solver))(**dict(given.option)),
+            given.connect,
+            given.wait,
+            alone=True,
         )
     except RuntimeError as error:
         print(f"voidage.adapter: {error}", file=sys.stderr)

@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .cells import Cells
 from .solver import (
     Condition,
     Floats,
     Integers,
+    Motion,
     NoSlip,
     Open,
     Problem,
@@ -37,11 +39,18 @@ class Holds:
     averaged; a sharper corner holds each.
     """
 
-    def __init__(self, problem: Problem, conditions: Sequence[Condition], voidage: Floats):
+    def __init__(
+        self,
+        problem: Problem,
+        conditions: Sequence[Condition],
+        voidage: Floats,
+        motion: Motion | None = None,
+    ):
         count, dimension = problem.points.shape
         self.fixed = np.zeros(count, bool)
         self.value = np.zeros((count, dimension))
-        """Velocity where fixed, zero elsewhere, m/s."""
+        """Velocity where fixed, that of the wall where there is slip, zero elsewhere, m/s."""
+        wall = np.zeros((count, dimension)) if motion is None else motion.velocity
         normals: dict[int, list[Floats]] = {}
         for condition in conditions:
             facets = problem.boundaries[condition.boundary]
@@ -53,7 +62,7 @@ class Holds:
                     _add_normals(normals, facets, area_vectors(problem.points, facets), self.fixed)
                     continue
                 case NoSlip():
-                    value = np.zeros((count, dimension))
+                    value = wall
                 case Velocity(value):
                     value = np.broadcast_to(value, (count, dimension))
                 case SuperficialVelocity(value):
@@ -66,6 +75,7 @@ class Holds:
         for node, directions in normals.items():
             if not self.fixed[node]:
                 self.free[node] -= _projector(directions)
+                self.value[node] = wall[node]
 
 
 def _add_normals(
@@ -96,20 +106,27 @@ def is_closed(conditions: Sequence[Condition]) -> bool:
     return not any(isinstance(condition.flow, Open) for condition in conditions)
 
 
-def hold_flow(problem: Problem, step: Step) -> tuple[Floats, Floats]:
-    """Projectors on the free unknowns of every node, and the values of the others.
+def hold_flow(problem: Problem, cells: Cells, step: Step) -> tuple[Floats, Floats, float]:
+    """Projectors on the free unknowns of every node, the values of the others, a source of mass.
 
     The unknowns are (u, p): (n, D + 1, D + 1) and (n, D + 1). In a closed domain one pressure is
-    held; the caller moves the mean to zero.
+    held; the caller moves the mean to zero. The equation that falls away must follow from the
+    others: what sums of prescribed fluxes and sources lack to balance, round-off and the error of
+    sums for integrals, is spread evenly over the domain, as by a Lagrange multiplier of the mean
+    pressure. That is the source, 1/s.
     """
     count, dimension = problem.points.shape
-    holds = Holds(problem, step.conditions, step.voidage)
+    holds = Holds(problem, step.conditions, step.voidage, step.motion)
     free = np.tile(np.eye(dimension + 1), (count, 1, 1))
     free[:, :dimension, :dimension] = holds.free
+    spread = 0.0
     if is_closed(step.conditions):
-        check_balance(problem, holds, step.voidage)
         free[0, dimension, dimension] = 0
-    return free, np.pad(holds.value, ((0, 0), (0, 1)))
+        excess = balance(problem, holds, step)
+        if step.sources is not None:
+            excess -= cells.nodal_volume @ step.sources.mass
+        spread = excess / cells.volume
+    return free, np.pad(holds.value, ((0, 0), (0, 1))), spread
 
 
 def hold_heat(problem: Problem, conditions: Sequence[Condition]) -> tuple[Floats, Floats]:
@@ -123,18 +140,33 @@ def hold_heat(problem: Problem, conditions: Sequence[Condition]) -> tuple[Floats
     return free, value
 
 
-def check_balance(problem: Problem, holds: Holds, voidage: Floats) -> None:
-    """Raises ``ValueError`` if velocities prescribed all around let more fluid in than out."""
+def balance(problem: Problem, holds: Holds, step: Step) -> float:
+    """What the velocities prescribed all around let out, and walls push out, less what they let in.
+
+    Raises ``ValueError`` if that is more than round-off.
+    """
     net = gross = 0.0
-    for facets in problem.boundaries.values():
+    moving = {} if step.motion is None else {c.boundary for c in step.conditions if is_wall(c)}
+    for name, facets in problem.boundaries.items():
         # Facet integrals of eps phi_b: int phi_a phi_b = measure (1 + delta_ab) / (D (D + 1)).
         dimension = facets.shape[1]
         mass = (1 + np.eye(dimension)) / (dimension * (dimension + 1))
         normal = area_vectors(problem.points, facets)
-        flux = np.einsum("fa,ab,fbi,fi->fb", voidage[facets], mass, holds.value[facets], normal)
-        net, gross = net + flux.sum(), gross + abs(flux).sum()
+        flows = [(step.voidage, holds.value)]
+        if name in moving:
+            flows.append((1 - step.voidage, step.motion.velocity))
+        for share, velocity in flows:
+            flux = np.einsum("fa,ab,fbi->fbi", share[facets], mass, velocity[facets])
+            net += np.einsum("fbi,fi->", flux, normal)
+            gross += (np.linalg.norm(flux, axis=2).sum(axis=1) @ np.linalg.norm(normal, axis=1))
     if abs(net) > 1e-9 * gross:
         raise ValueError(
             f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out "
             "than in; open one"
         )
+    return net
+
+
+def is_wall(condition: Condition) -> bool:
+    """Whether nothing passes a part of the boundary."""
+    return isinstance(condition.flow, NoSlip | Slip)

@@ -27,6 +27,8 @@ class Cells:
         share = np.repeat(self.measure / (dimension + 1), dimension + 1)
         self.nodal_volume = np.bincount(cells.ravel(), share, len(points))
         """Integral of the shape function of every node, (n)."""
+        self.volume = self.measure.sum()
+        """Area or volume of the mesh."""
 
     def mean(self, nodal: Floats) -> Floats:
         """Value at the centroid of every cell."""
@@ -34,7 +36,7 @@ class Cells:
 
     def centred(self, nodal: Floats) -> Floats:
         """A nodal field less its mean over the mesh."""
-        return nodal - self.nodal_volume @ nodal / self.nodal_volume.sum()
+        return nodal - self.nodal_volume @ nodal / self.volume
 
 
 def stabilisation_time(
@@ -45,13 +47,14 @@ def stabilisation_time(
 
 
 class Stabilisation:
-    """Stabilisation of momentum and mass in every cell, from U = u_n at the centroid."""
+    """Stabilisation of momentum and mass in every cell, from U = u_n - u_mesh at the centroid,
+    ``wind`` at the nodes."""
 
     def __init__(
-        self, problem: Problem, cells: Cells, velocity: Floats, dt: float, reaction: Floats
+        self, problem: Problem, cells: Cells, wind: Floats, dt: float, reaction: Floats
     ):
         nu = problem.viscosity / problem.density
-        self.direction = cells.mean(velocity)
+        self.direction = cells.mean(wind)
         """U, (m, D)."""
         speed = np.linalg.norm(self.direction, axis=1)
         self.time = stabilisation_time(dt, speed, cells.size, nu, reaction)

@@ -8,8 +8,8 @@
         + sum_e xi_T <R_T, U . grad S>_e = boundary heat
 
 Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more
-often; U is u_n at the centroid. The energy is solved first, with u_n. The terms of the grains come
-from :mod:`voidage.pieces`.
+often; U is u_n - u_mesh at the centroid, D/Dt = d/dt + (u - u_mesh) . grad. The energy is solved
+first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
 """
 
 from typing import Literal
@@ -22,7 +22,7 @@ from mpi4py import MPI
 from ufl import div, dot, grad, inner, transpose
 
 from . import compat
-from .boundary import hold_flow, hold_heat
+from .boundary import hold_flow, hold_heat, is_wall
 from .finite_elements import FiniteElements, FlowData
 from .pieces import PieceSums
 from .solver import Condition, Floats, Newton, Open, OpenHeat, Problem, Report, Step
@@ -57,12 +57,17 @@ class FEniCSx(FiniteElements):
         self.ds = ufl.ds(domain=domain, subdomain_data=tags, metadata=QUADRATURE)
         self.time_step = fem.Constant(domain, 1.0)
         self.eps, self.old = layout.nodal(), layout.nodal(problem.dimension)
+        self.mesh_velocity = layout.nodal(problem.dimension)
         self.systems: dict[tuple, FlowSystem | HeatSystem] = {}
+
+    def _move(self, points: Floats) -> None:
+        super()._move(points)
+        self.layout.move(points)
 
     def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
         kinds = tuple((c.boundary, _transfers_heat(c)) for c in step.conditions)
         system = self._system(HeatSystem, kinds, step)
-        U, xi = self.heat_stabilisation(step.dt)
+        U, xi = self.heat_stabilisation(step)
         system.fill(step, self.state.temperature, xi[:, None] * U)
         blocks = None
         if sums is not None and sums.heated:
@@ -73,31 +78,41 @@ class FEniCSx(FiniteElements):
     def _flow(
         self, step: Step, sums: PieceSums | None, data: FlowData, about: Floats, report: Report
     ) -> tuple[Floats, Floats]:
-        kinds = tuple((c.boundary, isinstance(c.flow, Open)) for c in step.conditions)
+        kinds = tuple((c.boundary, isinstance(c.flow, Open), is_wall(c)) for c in step.conditions)
         system = self._system(FlowSystem, kinds, step)
-        system.fill(step, data, about)
+        free, value, spread = hold_flow(self.problem, self.cells, step)
+        system.fill(step, data, about, value[:, :-1], spread)
         blocks = None
         if sums is not None:
             grains = sums.flow(data.stabilisation, self.problem.density, data.weight)
             blocks = Blocks(sums.cells, *grains)
-        x, report.residual = system.linear.solve(blocks, *hold_flow(self.problem, step), report)
+        x, report.residual = system.linear.solve(blocks, free, value, report)
         return x[:, :-1].copy(), x[:, -1].copy()
 
     def _system(self, make, kinds: tuple, step: Step):
         """The forms for these kinds of conditions, made once; fills in what all have in common."""
-        key = make, kinds, step.sources is not None
+        parts = kinds, step.sources is not None, step.motion is not None
+        key = make, *parts
         if key not in self.systems:
-            self.systems[key] = make(self, kinds, step.sources is not None)
+            self.systems[key] = make(self, *parts)
         self.time_step.value = step.dt
+        if step.motion is not None:
+            self.layout.fill(self.mesh_velocity, step.motion.velocity)
         self.layout.fill(self.eps, step.voidage)
         self.layout.fill(self.old, self.state.velocity)
         return self.systems[key]
 
 
 class FlowSystem:
-    """Forms of momentum and mass for one set of open boundaries."""
+    """Forms of momentum and mass for one set of open boundaries and walls."""
 
-    def __init__(self, solver: FEniCSx, kinds: tuple[tuple[str, bool], ...], sources: bool):
+    def __init__(
+        self,
+        solver: FEniCSx,
+        kinds: tuple[tuple[str, bool, bool], ...],
+        sources: bool,
+        moving: bool,
+    ):
         problem, layout, dx, ds, n = (
             solver.problem,
             solver.layout,
@@ -106,7 +121,7 @@ class FlowSystem:
             solver.normal,
         )
         D, self.layout = problem.dimension, layout
-        mixed = compat.space(layout.domain, "CG", 1, D + 1)
+        mixed = compat.space(layout.domain, "Lagrange", 1, D + 1)
         trial, test = ufl.TrialFunction(mixed), ufl.TestFunction(mixed)
         u, p = ufl.as_vector([trial[i] for i in range(D)]), trial[D]
         v, q = ufl.as_vector([test[i] for i in range(D)]), test[D]
@@ -115,7 +130,7 @@ class FlowSystem:
             fem.Constant(layout.domain, value)
             for value in (problem.density, problem.viscosity, problem.thin_cell_drag)
         )
-        self.at, self.weight, self.solid_flux = (layout.nodal(D) for _ in range(3))
+        self.at, self.weight, self.solid_flux, self.known = (layout.nodal(D) for _ in range(4))
         self.share, self.xi, self.xi_c = layout.nodal(), layout.cellwise(), layout.cellwise()
         self.xi_U, self.source_u, self.source_p = (
             layout.cellwise(D),
@@ -123,11 +138,15 @@ class FlowSystem:
             layout.nodal(),
         )
         self.pressure = {
-            name: fem.Constant(layout.domain, 0.0) for name, is_open in kinds if is_open
+            name: fem.Constant(layout.domain, 0.0) for name, is_open, _ in kinds if is_open
         }
+        self.spread = fem.Constant(layout.domain, 0.0)
         at, xi, xi_c, xi_U = self.at, self.xi, self.xi_c, self.xi_U
+        wind, inflow = at, old
+        if moving:
+            wind, inflow = at - solver.mesh_velocity, old - solver.mesh_velocity
 
-        rate = eps * rho * (u / dt + dot(grad(u), at) + dot(grad(at), u)) + thin * u
+        rate = eps * rho * (u / dt + dot(grad(u), wind) + dot(grad(at), u)) + thin * u
         strain = grad(u) + transpose(grad(u))
         residual = rate + grad(p) - eta * dot(strain, grad(eps))
         weighed = dot(grad(v), xi_U) + xi / rho * grad(q)
@@ -138,24 +157,36 @@ class FlowSystem:
             - eps * dot(u, grad(q))
             + dot(residual, weighed)
             + rho * xi_c * div(eps * u) * div(v)
-        ) * dx + eps * dot(u, n) * q * ds
+        ) * dx
         force = eps * rho * (old / dt + dot(grad(at), at)) + self.share * self.weight
-        rhs = dot(force, v + weighed) * dx - rho * xi_c * div(self.solid_flux) * div(v) * dx
+        rhs = (dot(force, v + weighed) + self.spread * q) * dx
+        rhs -= rho * xi_c * div(self.solid_flux) * div(v) * dx
         if sources:
             rhs += (
                 dot(self.source_u, v + weighed) * dx
                 + self.source_p * (q + rho * xi_c * div(v)) * dx
             )
-        for name, outside in self.pressure.items():
+        for name, is_open, is_wall in kinds:
             part = ds(solver.part[name])
-            matrix -= rho * eps * ufl.min_value(dot(old, n), 0) * dot(u, v) * part
-            rhs -= outside * dot(n, v) * part
+            if is_open:
+                matrix += eps * dot(u, n) * q * part
+                matrix -= rho * eps * ufl.min_value(dot(inflow, n), 0) * dot(u, v) * part
+                rhs -= self.pressure[name] * dot(n, v) * part
+                continue
+            # What passes is known; of a moving wall the solid moves on as well as the fluid.
+            rhs -= eps * dot(self.known, n) * q * part
+            if moving and is_wall:
+                rhs -= (1 - eps) * dot(solver.mesh_velocity, n) * q * part
         self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative")
 
-    def fill(self, step: Step, data: FlowData, about: Floats) -> None:
+    def fill(
+        self, step: Step, data: FlowData, about: Floats, known: Floats, spread: float
+    ) -> None:
         """Takes the coefficients of a Newton step."""
+        self.spread.value = spread
         nodal = [
             (self.at, about),
+            (self.known, known),
             (self.weight, data.weight),
             (self.share, data.share),
             (self.solid_flux, data.solid_flux),
@@ -176,7 +207,13 @@ class FlowSystem:
 class HeatSystem:
     """Forms of the energy equation for one set of boundaries that exchange heat."""
 
-    def __init__(self, solver: FEniCSx, kinds: tuple[tuple[str, type | None], ...], sources: bool):
+    def __init__(
+        self,
+        solver: FEniCSx,
+        kinds: tuple[tuple[str, type | None], ...],
+        sources: bool,
+        moving: bool,
+    ):
         layout, dx, ds, n, heat = (
             solver.layout,
             solver.dx,
@@ -187,6 +224,8 @@ class HeatSystem:
         self.layout = layout
         T, S = ufl.TrialFunction(layout.space), ufl.TestFunction(layout.space)
         dt, eps, u = solver.time_step, solver.eps, solver.old
+        if moving:
+            u = u - solver.mesh_velocity
         C, k, wall, wall_T = (
             fem.Constant(layout.domain, value)
             for value in (

@@ -36,7 +36,7 @@ class Layout:
         self.domain, self.problem = domain, problem
         cells = domain.topology.index_map(domain.topology.dim)
         local = cells.size_local + cells.num_ghosts
-        self.space = compat.space(domain, "CG", 1)
+        self.space = compat.space(domain, "Lagrange", 1)
         dofs = compat.table(self.space.dofmap.list, local)
         self.geometry_node = np.asarray(domain.geometry.input_global_indices)
         self.node = np.empty(dofs.max() + 1, dtype=int)
@@ -51,9 +51,13 @@ class Layout:
         self.nodes = self.space.dofmap.index_map
         self.owned_node = self.node[: self.nodes.size_local]
 
+    def move(self, points: Floats) -> None:
+        """Puts the nodes of the mesh elsewhere."""
+        self.domain.geometry.x[:, : points.shape[1]] = points[self.geometry_node]
+
     def nodal(self, components: int = 0) -> fem.Function:
         """A P1 field, of vectors with some components if there are any."""
-        space = compat.space(self.domain, "CG", 1, components) if components else self.space
+        space = compat.space(self.domain, "Lagrange", 1, components) if components else self.space
         return fem.Function(space)
 
     def cellwise(self, components: int = 0) -> fem.Function:

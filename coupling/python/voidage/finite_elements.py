@@ -1,7 +1,7 @@
 """What solvers by finite elements share: the order of a step, the coefficients of its forms."""
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -39,6 +39,16 @@ class FiniteElements(Solver):
         self.cells = Cells(problem.points, problem.cells)
         self.state = self.next = problem.fields
 
+    def _move(self, points: Floats) -> None:
+        """Puts the nodes of the mesh elsewhere."""
+        self.problem = replace(self.problem, points=points)
+        self.cells = Cells(points, self.problem.cells)
+
+    def _wind(self, step: Step) -> Floats:
+        """u_n - u_mesh at the nodes, (n, D)."""
+        velocity = self.state.velocity
+        return velocity if step.motion is None else velocity - step.motion.velocity
+
     def accept(self) -> None:
         self.state = self.next
 
@@ -47,6 +57,8 @@ class FiniteElements(Solver):
 
     def solve(self, step: Step) -> tuple[AtGrains, Report]:
         report, start = Report(np.zeros(self.problem.dimension)), perf_counter()
+        if step.motion is not None:
+            self._move(step.motion.points)
         sums = None
         if step.grains is not None and len(step.pieces.cell) > 0:
             sums = PieceSums(self.cells, step.pieces, step.grains)
@@ -92,12 +104,12 @@ class FiniteElements(Solver):
             if problem.drag_in_stabilisation:
                 fluid = problem.density * cells.measure * cells.mean(step.voidage)
                 reaction[sums.cells] = sums.total_drag / fluid[sums.cells]
-        stabilisation = Stabilisation(problem, cells, self.state.velocity, step.dt, reaction)
+        stabilisation = Stabilisation(problem, cells, self._wind(step), step.dt, reaction)
         return FlowData(stabilisation, weight, share, solid_flux)
 
-    def heat_stabilisation(self, dt: float) -> tuple[Floats, Floats]:
-        """U = u_n at the centroid of every cell, (m, D), and xi_T (A.12), (m)."""
-        heat, U = self.problem.heat, self.cells.mean(self.state.velocity)
+    def heat_stabilisation(self, step: Step) -> tuple[Floats, Floats]:
+        """U = u_n - u_mesh at the centroid of every cell, (m, D), and xi_T (A.12), (m)."""
+        heat, U = self.problem.heat, self.cells.mean(self._wind(step))
         speed = np.linalg.norm(U, axis=1)
         diffusivity = heat.conductivity / heat.capacity
-        return U, stabilisation_time(dt, speed, self.cells.size, diffusivity, np.zeros_like(speed))
+        return U, stabilisation_time(step.dt, speed, self.cells.size, diffusivity, np.zeros_like(speed))

@@ -8,8 +8,8 @@
         + sum_e xi_T <R_T, U . grad S>_e = boundary heat
 
 Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more
-often; U is u_n at the centroid. The energy is solved first, with u_n. The terms of the grains come
-from :mod:`voidage.pieces`.
+often; U is u_n - u_mesh at the centroid, D/Dt = d/dt + (u - u_mesh) . grad. The energy is solved
+first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
 """
 
 from math import factorial
@@ -31,10 +31,10 @@ from skfem import (
 )
 from skfem.helpers import ddot, div, dot, grad, mul, transpose
 
-from .boundary import hold_flow, hold_heat
+from .boundary import hold_flow, hold_heat, is_wall
 from .finite_elements import NEARLY_SINGULAR, FiniteElements, FlowData
 from .pieces import PieceSums
-from .solver import Floats, Flow, Integers, Newton, Open, OpenHeat, Problem, Report, Step
+from .solver import Condition, Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step
 
 Sparse = sp.csr_array | sp.csr_matrix
 QUADRATURE = 4
@@ -48,9 +48,9 @@ class Facets(NamedTuple):
     vector: FacetBasis
     mixed: FacetBasis
 
-    def inflow(self, velocity: Floats) -> Floats:
-        """min(u . n, 0) at the quadrature points."""
-        u = self.vector.interpolate(velocity.ravel())
+    def inflow(self, wind: Floats) -> Floats:
+        """min(wind . n, 0) at the quadrature points."""
+        u = self.vector.interpolate(wind.ravel())
         return np.minimum(dot(u, self.scalar.normals), 0)
 
 
@@ -59,6 +59,14 @@ class ScikitFem(FiniteElements):
 
     def set_mesh(self, problem: Problem) -> None:
         super().set_mesh(problem)
+        self._make_spaces()
+
+    def _move(self, points: Floats) -> None:
+        super()._move(points)
+        self._make_spaces()
+
+    def _make_spaces(self) -> None:
+        problem = self.problem
         plane = problem.dimension == 2
         make, scalar = (MeshTri, ElementTriP1()) if plane else (MeshTet, ElementTetP1())
         mesh = make(problem.points.T.copy(), problem.cells.T.copy())
@@ -79,10 +87,10 @@ class ScikitFem(FiniteElements):
         C, k = heat.capacity, heat.conductivity
         wall, wall_T = heat.wall_coefficient, heat.wall_temperature
         eps = self.scalar.interpolate(step.voidage)
-        u = self.vector.interpolate(self.state.velocity.ravel())
+        u = self.vector.interpolate(self._wind(step).ravel())
         old = self.scalar.interpolate(self.state.temperature)
         source = 0 if step.sources is None else self.scalar.interpolate(step.sources.heat)
-        U, xi = self.heat_stabilisation(dt)
+        U, xi = self.heat_stabilisation(step)
         xi_U = (xi[:, None] * U).T[:, :, None]
 
         @BilinearForm
@@ -118,7 +126,7 @@ class ScikitFem(FiniteElements):
                     transfer = coefficient
                 case OpenHeat(outside) if outside is not None:
                     wet = facets.scalar.interpolate(step.voidage)
-                    transfer = -C * wet * facets.inflow(self.state.velocity)
+                    transfer = -C * wet * facets.inflow(self._wind(step))
                 case _:
                     continue
             A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(facets.scalar)
@@ -138,6 +146,9 @@ class ScikitFem(FiniteElements):
         eps = self.scalar.interpolate(step.voidage)
         old = self.vector.interpolate(self.state.velocity.ravel())
         at = self.vector.interpolate(about.ravel())
+        mesh_velocity = 0 if step.motion is None else step.motion.velocity
+        wind = self.vector.interpolate((about - mesh_velocity).ravel())
+        free, value, spread = hold_flow(problem, self.cells, step)
         weight = self.scalar.interpolate(data.share) * self.vector.interpolate(data.weight.ravel())
         solid_flux = self.vector.interpolate(data.solid_flux.ravel())
         source_u = source_p = 0
@@ -149,7 +160,7 @@ class ScikitFem(FiniteElements):
 
         @BilinearForm
         def matrix(u, p, v, q, _):
-            rate = eps * rho * (u / dt + mul(grad(u), at) + mul(grad(at), u)) + thin * u
+            rate = eps * rho * (u / dt + mul(grad(u), wind) + mul(grad(at), u)) + thin * u
             strain = grad(u) + transpose(grad(u))
             residual = rate + grad(p) - eta * mul(strain, grad(eps))
             return (
@@ -166,32 +177,45 @@ class ScikitFem(FiniteElements):
             force = eps * rho * (old / dt + mul(grad(at), at)) + weight + source_u
             return (
                 dot(force, v + mul(grad(v), xi_U) + xi / rho * grad(q))
-                + source_p * q
+                + (source_p + spread) * q
                 + rho * xi_c * (source_p - div(solid_flux)) * div(v)
             )
 
         A, b = matrix.assemble(self.mixed), rhs.assemble(self.mixed)
         for condition in step.conditions:
             facets = self.facets[condition.boundary]
-            A, b = self._add_boundary(A, b, condition.flow, facets, step.voidage)
+            A, b = self._add_boundary(A, b, condition, facets, step, value[:, :-1])
         if sums is not None:
             blocks, loads = sums.flow(data.stabilisation, rho, data.weight)
             A, b = _add_blocks(A, b, problem.cells[sums.cells], blocks, loads)
-        x, report.residual = _solve(A, b, *hold_flow(problem, step), problem.tolerance)
+        x, report.residual = _solve(A, b, free, value, problem.tolerance)
         report.iterations += 1
         return x[:, :-1].copy(), x[:, -1].copy()
 
     def _add_boundary(
-        self, A: Sparse, b: Floats, flow: Flow, facets: Facets, voidage: Floats
+        self,
+        A: Sparse,
+        b: Floats,
+        condition: Condition,
+        facets: Facets,
+        step: Step,
+        known: Floats,
     ) -> tuple[Sparse, Floats]:
-        """<<eps u . n, q>>, and if open <<p_out n, v>> - <<eps rho min(u_n . n, 0) u, v>>."""
-        eps, basis = facets.scalar.interpolate(voidage), facets.mixed
-        A = A + BilinearForm(lambda u, p, v, q, w: eps * dot(u, w.n) * q).assemble(basis)
+        """<<eps u . n, q>>, and if open <<p_out n, v>> - <<eps rho min(wind . n, 0) u, v>>.
+
+        Where the boundary is not open, what passes is known; of a moving wall the solid moves on as
+        well as the fluid.
+        """
+        eps, basis, flow = facets.scalar.interpolate(step.voidage), facets.mixed, condition.flow
         if isinstance(flow, Open):
-            taken = -self.problem.density * eps * facets.inflow(self.state.velocity)
+            A = A + BilinearForm(lambda u, p, v, q, w: eps * dot(u, w.n) * q).assemble(basis)
+            taken = -self.problem.density * eps * facets.inflow(self._wind(step))
             A = A + BilinearForm(lambda u, p, v, q, w: taken * dot(u, v)).assemble(basis)
-            b = b - LinearForm(lambda v, q, w: flow.pressure * dot(w.n, v)).assemble(basis)
-        return A, b
+            return A, b - LinearForm(lambda v, q, w: flow.pressure * dot(w.n, v)).assemble(basis)
+        flux = eps * facets.vector.interpolate(known.ravel())
+        if step.motion is not None and is_wall(condition):
+            flux = flux + (1 - eps) * facets.vector.interpolate(step.motion.velocity.ravel())
+        return A, b - LinearForm(lambda v, q, w: dot(flux, w.n) * q).assemble(basis)
 
 
 def _facet_numbers(all_facets: Integers, wanted: Integers) -> Integers:

@@ -33,12 +33,12 @@ class SuperficialVelocity:
 
 @dataclass(frozen=True)
 class NoSlip:
-    """u = 0."""
+    """u = 0, on a moving mesh u = u_mesh: the nodes of a wall move with it."""
 
 
 @dataclass(frozen=True)
 class Slip:
-    """u . n = 0, no tangential traction."""
+    """u . n = 0, on a moving mesh u_mesh . n; no tangential traction."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Heat:
     W/m3/K."""
     wall_temperature: float = 0.0
     """T_w, K."""
-    lumped: bool = True
+    lumped: bool = False
     """Whether storage and exchange are lumped in the Galerkin equations: storage and thin cell by the
     vertex rule, the grains by the sums of the rows. Temperatures then keep their bounds where the
     exchange over a cell outweighs its diffusion."""
@@ -205,6 +205,16 @@ class Pieces:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """How the mesh moves in a step."""
+
+    points: Floats
+    """Places of the nodes at the end of the step, where the equations are solved, m, (n, D)."""
+    velocity: Floats
+    """u_mesh, the way of the nodes over the length of the step, m/s, (n, D)."""
+
+
+@dataclass(frozen=True)
 class Sources:
     """Nodal sources per volume, for manufactured solutions: momentum (n, D), mass over density,
     heat."""
@@ -227,6 +237,8 @@ class Step:
     pieces: Pieces | None = None
     """Present with grains."""
     sources: Sources | None = None
+    motion: Motion | None = None
+    """Present if the mesh moves; the grains are then cut by the mesh where it is at the end."""
 
 
 @dataclass(frozen=True)
@@ -243,7 +255,8 @@ class Report:
     """What a step cost, and what the fluid lost to the grains."""
 
     force: Floats
-    """Force on all grains, summed over the pieces by the fluid, N, (D); zero without grains."""
+    """Force on all grains, summed over the pieces by the fluid, N, (D); zero without grains, empty
+    if the solver does not sum it: the defects of the exchange are then not known."""
     iterations: int = 0
     """Linear iterations or refinements, summed over the systems of the step."""
     residual: float = 0.0

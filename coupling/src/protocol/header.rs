@@ -6,9 +6,11 @@ use iceoryx2::prelude::ZeroCopySend;
 /// First bytes of every frame: `VOIDAGE.` as a little-endian number. A machine of the other byte order sees another.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"VOIDAGE.");
 /// Version of the protocol; both ends must have the same.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Flag of a step or of a request for fields: the last solution is accepted, before anything else is done.
 pub const ACCEPT: u32 = 1;
+/// Flag of a step: the mesh moves, and the payload has the places and velocities of its nodes.
+pub const MOVES: u32 = 2;
 
 /// What a frame is. The grains ask, the fluid answers each question with one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +62,7 @@ pub struct Header {
     pub run: u64,
     /// Number of the mesh, from 1; 0 before the first.
     pub generation: u32,
-    /// [`ACCEPT`] or 0.
+    /// [`ACCEPT`] and [`MOVES`], or 0.
     pub flags: u32,
     /// Number of the step since time zero; the first is 1.
     pub step: u64,
@@ -82,7 +84,7 @@ pub struct Header {
     pub facets: u64,
     /// Pieces of the grains of a step; else 0.
     pub pieces: u64,
-    /// Nodes whose voidage a step with grains brings; else 0.
+    /// Nodes of which a step brings the voidage (with grains) or the motion (if the mesh moves); else 0.
     pub nodes: u64,
     /// Bytes of the text at the end of the payload.
     pub text: u64,
@@ -145,6 +147,11 @@ impl Header {
             Some(kind) => Ok(*kind),
             None => wrong(format!("a frame of the unknown kind {}", self.kind)),
         }
+    }
+
+    /// Whether the mesh moves in this step.
+    pub fn moves(&self) -> bool {
+        self.flags & MOVES != 0
     }
 
     /// Whether the last solution is accepted.

@@ -6,7 +6,8 @@
 use super::columns::{only_if, wrong};
 use super::text::{numbers_for_text, write_text};
 use super::{
-    ACCEPT, Column, HEAT, Header, Kind, Layout, PiecePlaces, SOLUTION, STEP, STEP_CONTINUITY, STEP_HEAT,
+    ACCEPT, Column, HEAT, Header, Kind, Layout, MOVES, MotionPlaces, PiecePlaces, SOLUTION, STEP,
+    STEP_CONTINUITY, STEP_HEAT,
     read_text,
 };
 use crate::backend::{FluidReport, FluidStep, GrainLoad, Immersed};
@@ -23,6 +24,9 @@ pub struct StepMessage<'a, const D: usize> {
     step: &'a FluidStep<'a, D>,
     layout: Layout,
     pieces: Option<PiecePlaces>,
+    motion: Option<MotionPlaces>,
+    /// The end of all of them.
+    end: usize,
     conditions: String,
 }
 
@@ -38,18 +42,21 @@ impl<'a, const D: usize> StepMessage<'a, D> {
                 (layout, Some(PiecePlaces::new(&layout, load.pieces.len(), load.voidage.len())))
             }
         };
-        Self { step, layout, pieces, conditions }
+        let end = pieces.as_ref().map_or(layout.end(), |places| places.voidage.end);
+        let motion = step.motion.map(|motion| MotionPlaces::new(D, motion.points.len(), end));
+        let end = motion.as_ref().map_or(end, |places| places.velocity.end);
+        Self { step, layout, pieces, motion, end, conditions }
     }
 
     /// Its header; `accept` accepts the solution before, `iteration` counts the solutions of this step.
     pub fn header(&self, accept: bool, iteration: u32) -> Header {
-        let end = self.pieces.as_ref().map_or(self.layout.end(), |places| places.voidage.end);
-        let length = end + numbers_for_text(&self.conditions);
+        let length = self.end + numbers_for_text(&self.conditions);
         let count = |range: fn(&PiecePlaces) -> usize| self.pieces.as_ref().map_or(0, range) as u64;
+        let moving = self.step.motion.map_or(0, |motion| motion.points.len() as u64);
         Header {
             pieces: count(|places| places.cell.len()),
-            nodes: count(|places| places.voidage.len()),
-            flags: if accept { ACCEPT } else { 0 },
+            nodes: moving.max(count(|places| places.voidage.len())),
+            flags: if accept { ACCEPT } else { 0 } | if self.motion.is_some() { MOVES } else { 0 },
             step: self.step.number,
             iteration,
             time: self.step.time,
@@ -62,6 +69,9 @@ impl<'a, const D: usize> StepMessage<'a, D> {
     /// Writes the payload.
     pub fn write(&self, payload: &mut [f64]) {
         write_text(&self.conditions, payload);
+        if let Some((places, motion)) = self.motion.as_ref().zip(self.step.motion.as_ref()) {
+            places.write(motion, payload);
+        }
         let Some(grains) = &self.step.grains else { return };
         let (layout, load) = (&self.layout, grains.load);
         layout.put_vectors(payload, Column::Position, grains.position);
@@ -91,6 +101,8 @@ pub struct StepParts<const D: usize> {
     pub layout: Layout,
     /// Pieces and voidage; absent without grains.
     pub pieces: Option<PiecePlaces>,
+    /// The motion of the mesh; absent while it stands still.
+    pub motion: Option<MotionPlaces>,
     /// The conditions, if they are new.
     pub conditions: Option<Vec<Condition<D>>>,
 }
@@ -104,15 +116,17 @@ pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<Ste
     let layout = Layout::of(header, D, required, &[STEP_HEAT, STEP_CONTINUITY], 0)?;
     let pieces = PiecePlaces::of(header, &layout)?;
     let end = pieces.as_ref().map_or(layout.end(), |places| places.voidage.end);
+    let motion = MotionPlaces::of(header, D, end)?;
+    let end = motion.as_ref().map_or(end, |places| places.velocity.end);
     let text = read_text(header, payload)?;
     if end + numbers_for_text(&text) > payload.len() {
         return wrong("columns and text of a step overlap".into());
     }
     if text.is_empty() {
-        return Ok(StepParts { layout, pieces, conditions: None });
+        return Ok(StepParts { layout, pieces, motion, conditions: None });
     }
     match serde_json::from_str(&text) {
-        Ok(conditions) => Ok(StepParts { layout, pieces, conditions: Some(conditions) }),
+        Ok(conditions) => Ok(StepParts { layout, pieces, motion, conditions: Some(conditions) }),
         Err(error) => wrong(format!("the conditions of a step: {error}")),
     }
 }
@@ -172,7 +186,9 @@ impl<const D: usize> FluidReport<D> {
             report.flow_s,
             self.heat,
         ]);
-        numbers[REPORT..].copy_from_slice(self.force.as_slice());
+        // A force that is not known travels as what is no number.
+        let force = self.force.unwrap_or_else(|| Vector::repeat(f64::NAN));
+        numbers[REPORT..].copy_from_slice(force.as_slice());
     }
 }
 
@@ -247,6 +263,7 @@ pub fn read_solution<const D: usize>(
         heat_s: numbers[4],
         flow_s: numbers[5],
     };
-    let force = Vector::from_column_slice(&numbers[REPORT..]);
+    let force = Some(Vector::from_column_slice(&numbers[REPORT..]))
+        .filter(|force: &Vector<D>| force.iter().all(|component| component.is_finite()));
     Ok(FluidReport { solver, force, heat: numbers[6], transport_s: 0.0 })
 }

@@ -13,20 +13,22 @@
 //!
 //! A step starts from the last accepted state, however often it is asked for; the flag [`ACCEPT`] on a step or a request
 //! for fields accepts the solution before it. Instead of an answer there may be an error with a text, and heartbeats
-//! before it. Only the columns that a scene needs travel. All quantities are in SI units.
+//! before it. Only the columns that a scene needs travel, and places and velocities of the nodes only if the mesh moves. All quantities are in SI units.
 
 mod columns;
 mod header;
 mod mesh;
 mod messages;
+mod motion;
 mod pieces;
 #[cfg(test)]
 mod tests;
 mod text;
 
 pub use columns::{COLUMNS, Column, FIELDS, HEAT, Layout, SOLUTION, STEP, STEP_CONTINUITY, STEP_HEAT};
-pub use header::{ACCEPT, HEADER_BYTES, Header, Kind, MAGIC, VERSION};
+pub use header::{ACCEPT, HEADER_BYTES, Header, Kind, MAGIC, MOVES, VERSION};
 pub use mesh::{FieldsMessage, MeshMessage, read_fields, read_mesh};
 pub use messages::{SolutionMessage, StepMessage, StepParts, read_solution, read_step};
+pub use motion::MotionPlaces;
 pub use pieces::PiecePlaces;
 pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

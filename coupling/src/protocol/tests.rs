@@ -8,7 +8,7 @@ use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescri
 use voidage_fluid::exchange::{AtBodies, Pieces};
 use voidage_fluid::flow::{Report, State};
 use voidage_fluid::mesh::{Mesh, Rectangle, Side, Sides};
-use voidage_fluid::{Result, Vector};
+use voidage_fluid::{MeshMotion, Result, Vector};
 
 fn mesh() -> Result<Mesh<2>> {
     let [left, right, bottom, top] = ["left", "right", "bottom", "top"].map(Side::named);
@@ -71,14 +71,14 @@ fn a_step_comes_back_as_it_was() {
     let position: Vec<_> = (0..5).map(|i| Vector::<2>::new(0.1 * i as f64, 0.3)).collect();
     let radius = vec![0.1, 0.2, 0.3, 0.4, 0.5];
     let grains = Some(Immersed { position: &position, radius: &radius, load: &load });
-    let step = FluidStep { number: 3, time: 0.2, dt: 0.1, grains, conditions: &conditions };
+    let step = FluidStep { number: 3, time: 0.2, dt: 0.1, grains, conditions: &conditions, motion: None };
     let message = StepMessage::new(&step, String::new());
     let header = message.header(true, 2);
     assert!(header.accepts() && header.step == 3 && header.iteration == 2);
     let mut payload = vec![f64::NAN; header.length as usize];
     message.write(&mut payload);
-    let StepParts { layout, pieces, conditions } = read_step::<2>(&header, &payload).expect("a step");
-    assert!(conditions.is_none());
+    let StepParts { layout, pieces, motion, conditions } = read_step::<2>(&header, &payload).expect("a step");
+    assert!(conditions.is_none() && motion.is_none());
     let places = pieces.expect("pieces");
     assert_eq!(places.read::<2>(&payload, 3).expect("pieces on a mesh of three cells"), load.pieces);
     assert!(places.read::<2>(&payload, 2).is_err());
@@ -96,7 +96,7 @@ fn a_step_comes_back_as_it_was() {
 
 #[test]
 fn a_step_without_grains_and_heat_carries_nothing_of_them() {
-    let step = FluidStep::<2> { number: 1, time: 0.0, dt: 0.1, grains: None, conditions: &[] };
+    let step = FluidStep::<2> { number: 1, time: 0.0, dt: 0.1, grains: None, conditions: &[], motion: None };
     assert_eq!(StepMessage::new(&step, String::new()).header(false, 0).length, 0);
     let mut load = load(16);
     load.heat = None;
@@ -104,7 +104,35 @@ fn a_step_without_grains_and_heat_carries_nothing_of_them() {
     let grains = Some(Immersed { position: &position, radius: &radius, load: &load });
     let step = FluidStep { grains, ..step };
     // Position and velocity have two numbers each; 16 pieces of 4 numbers, where each grain's begin, 4 nodes.
-    assert_eq!(StepMessage::new(&step, String::new()).header(false, 0).length, 8 * 16 + 4 * 16 + 17 + 4);
+    let still = 8 * 16 + 4 * 16 + 17 + 4;
+    let header = StepMessage::new(&step, String::new()).header(false, 0);
+    assert_eq!((header.length, header.moves()), (still, false));
+    // Places and velocities of four nodes, only when they move.
+    let nodes = [Vector::<2>::zeros(); 4];
+    let step = FluidStep { motion: Some(MeshMotion { points: &nodes, velocity: &nodes }), ..step };
+    let header = StepMessage::new(&step, String::new()).header(false, 0);
+    assert_eq!((header.length, header.moves()), (still + 2 * 2 * 4, true));
+}
+
+#[test]
+fn the_motion_of_a_mesh_comes_back_as_it_was_with_grains_and_without() {
+    let points: Vec<_> = (0..4).map(|i| Vector::<2>::new(i as f64, 0.1)).collect();
+    let velocity: Vec<_> = points.iter().map(|x| x * 3.0).collect();
+    let motion = Some(MeshMotion { points: &points, velocity: &velocity });
+    let load = load(5);
+    let (position, radius) = (vec![Vector::zeros(); 5], vec![0.1; 5]);
+    for grains in [None, Some(Immersed { position: &position, radius: &radius, load: &load })] {
+        let step = FluidStep { number: 1, time: 0.0, dt: 0.1, grains, conditions: &[], motion };
+        let message = StepMessage::new(&step, "[]".into());
+        let header = message.header(false, 0);
+        let mut payload = vec![f64::NAN; header.length as usize];
+        message.write(&mut payload);
+        let parts = read_step::<2>(&header, &payload).expect("a step");
+        assert_eq!(parts.pieces.is_some(), grains.is_some());
+        let places = parts.motion.expect("a motion");
+        assert_eq!(places.read::<2>(&payload), [points.clone(), velocity.clone()]);
+        assert!(payload.iter().all(|number| !number.is_nan()) || grains.is_some(), "padding only");
+    }
 }
 
 fn solution() -> (AtBodies<2>, FluidReport<2>) {
@@ -112,7 +140,7 @@ fn solution() -> (AtBodies<2>, FluidReport<2>) {
     let at = AtBodies { velocity: vectors.clone(), pressure_gradient: vectors, temperature: vec![300.0; 4] };
     let solver =
         Report { flow_iterations: 7, residual: 1e-9, factored: true, flow_s: 0.2, ..Report::default() };
-    (at, FluidReport { solver, force: Vector::<2>::new(1.0, 2.0), heat: 3.0, transport_s: 0.0 })
+    (at, FluidReport { solver, force: Some(Vector::<2>::new(1.0, 2.0)), heat: 3.0, transport_s: 0.0 })
 }
 
 #[test]
@@ -122,6 +150,12 @@ fn a_solution_comes_back_as_it_was_unless_it_is_not_finite() {
     let header = message.header();
     let mut payload = vec![f64::NAN; header.length as usize];
     message.write(&mut payload);
+    let unsummed = FluidReport { force: None, ..report };
+    let mut other = vec![f64::NAN; header.length as usize];
+    SolutionMessage::new(&at, &unsummed).write(&mut other);
+    let theirs =
+        read_solution(&header, &other, (4, true), &mut AtBodies::<2>::default()).expect("a solution");
+    assert_eq!(theirs.force, None);
     let mut copy = AtBodies::<2>::default();
     let theirs = read_solution(&header, &payload, (4, true), &mut copy).expect("a solution");
     assert_eq!((copy, theirs.force, theirs.heat), (at, report.force, report.heat));

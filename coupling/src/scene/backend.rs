@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::str::FromStr;
 
 /// Which program solves the equations of the fluid, and how it is reached.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -68,14 +69,34 @@ impl Solver {
         }
     }
 
-    /// The solver of a name.
-    pub fn named(name: &str) -> Option<Self> {
+    /// The change of a scene that chooses this solver, `KEY=VALUE` as [`super::Scene::read`] takes it.
+    pub fn setting(&self) -> String {
+        let value = match self {
+            Solver::Python(module) => format!("{{python={module:?}}}"),
+            Solver::Attach(address) => format!("{{attach={address:?}}}"),
+            named => format!("{:?}", named.name()),
+        };
+        format!("fluid.backend.solver={value}")
+    }
+}
+
+/// The solver of a [name](Solver::name); the error says which there are.
+impl FromStr for Solver {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
         match name.split_once(':') {
-            Some(("python", module)) => Some(Solver::Python(module.into())),
-            Some(("attach", address)) => Some(Solver::Attach(address.into())),
+            Some(("python", module)) => Ok(Solver::Python(module.into())),
+            Some(("attach", address)) => Ok(Solver::Attach(address.into())),
             _ => [Solver::Rust, Solver::Serve, Solver::Fenicsx, Solver::ScikitFem]
                 .into_iter()
-                .find(|solver| solver.name() == name),
+                .find(|solver| solver.name() == name)
+                .ok_or_else(|| {
+                    format!(
+                        "`{name}`: there is no such fluid solver\n  \
+                         help: use rust, serve, fenicsx, scikit-fem, python:MODULE or attach:ADDRESS"
+                    )
+                }),
         }
     }
 }

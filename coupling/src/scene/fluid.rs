@@ -25,6 +25,9 @@ pub struct Fluid {
     pub ramp: f64,
     /// Where the mesh comes from: `{rectangle = {..}}` or `{file = "name.msh"}`.
     pub mesh: MeshSource,
+    /// How the mesh moves. Default: it stands still.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh_motion: Option<MeshMotion>,
     /// Temperature of the fluid. Default: none, the fluid has no temperature.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heat: Option<FluidHeat>,
@@ -50,6 +53,21 @@ pub enum MeshSource {
     Rectangle(Rectangle),
     /// A Gmsh .msh file (format 4.1) with physical names, path relative to the scene.
     File(PathBuf),
+}
+
+/// A mesh that swings: each node by its weight times `amplitude sin(2 pi frequency t)`. The weight is 1 on the boundary
+/// that moves, 0 on the others, smooth between. Walls without slip take the fluid along with their nodes, walls with slip
+/// push it; walls that the grains meet (`[[walls]]`) move by laws of their own.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshMotion {
+    /// Largest displacement, m. No cell may turn over.
+    pub amplitude: Coordinates,
+    /// Frequency, 1/s. Above 0.
+    pub frequency: f64,
+    /// Name of the part of the boundary that moves. Default: none, the nodes inside the mesh move alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boundary: Option<String>,
 }
 
 /// Temperature of the fluid.

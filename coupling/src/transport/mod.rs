@@ -30,8 +30,9 @@ pub enum Event {
     Nothing,
 }
 
-/// Sends a sign of life each time it is called; any thread may.
-pub type Pulse = Box<dyn Fn() + Send>;
+/// Sends a sign of life each time it is called, and says whether the other process is there as far as one can tell; any
+/// thread may.
+pub type Pulse = Box<dyn Fn() -> bool + Send>;
 
 /// One end of a connection between grains and fluid.
 pub trait Channel: Send {

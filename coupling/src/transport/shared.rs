@@ -4,6 +4,7 @@
 use super::{Channel, Event, Frame, LOOK, Loan, Pulse};
 use crate::error::PeerError;
 use crate::protocol::{Header, VERSION};
+use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
@@ -197,8 +198,9 @@ impl Shared {
         sample.map(Frame::shared).transpose()
     }
 
-    /// Whether the other process is there. One that died is removed from shared memory.
-    fn is_there(&self) -> bool {
+    /// Whether the other process is there or still to come. One that died, be it before its first frame, is removed from
+    /// shared memory.
+    fn is_there(&mut self) -> bool {
         let (mut there, mut dead) = (false, false);
         let listed = self.incoming.nodes(|state| {
             if state.node_id() != self.node.id() {
@@ -210,7 +212,19 @@ impl Shared {
         if dead {
             self.node.try_cleanup_dead_nodes();
         }
-        there || listed.is_err()
+        self.met |= there || dead;
+        there || !self.met || listed.is_err()
+    }
+
+    /// The node of the other process; `None` if it is not there.
+    fn other(&self) -> Option<UniqueNodeId> {
+        let mut other = None;
+        // A list that cannot be had is as no list.
+        let _ = self.incoming.nodes(|state| {
+            other = Some(*state.node_id()).filter(|id| id != self.node.id()).or(other);
+            CallbackProgression::Continue
+        });
+        other
     }
 }
 
@@ -257,7 +271,7 @@ impl Channel for Shared {
             },
             wait.min(LOOK),
         );
-        let there = woken || !self.met || self.is_there();
+        let there = woken || self.is_there();
         match self.take()? {
             Some(frame) => Ok(Event::Frame(Box::new(frame))),
             None if !there => Err(PeerError::Gone),
@@ -267,10 +281,14 @@ impl Channel for Shared {
     }
 
     fn pulse(&self) -> Pulse {
-        let notifier = self.notifier.clone();
+        let (notifier, config, other) = (self.notifier.clone(), self.node.config().clone(), self.other());
         Box::new(move || {
-            // A peer that is gone shows when the answer is sent.
+            // A peer that is gone shows below, and when the answer is sent.
             let _ = notifier.notify_with_custom_event_id(EventId::new(BEAT));
+            match other.map(|id| Node::<Ipc>::state_of(&config, id)) {
+                Some(Ok(state)) => state.is_some_and(|state| !matches!(state, NodeState::Dead(_))),
+                Some(Err(_)) | None => true,
+            }
         })
     }
 }

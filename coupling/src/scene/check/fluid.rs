@@ -12,6 +12,14 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     if let Some(velocity) = &fluid.initial_velocity {
         coordinates(scene, "fluid.initial_velocity", velocity)?;
     }
+    if let Some(motion) = &fluid.mesh_motion {
+        coordinates(scene, "fluid.mesh_motion.amplitude", &motion.amplitude)?;
+        positive(scene, "fluid.mesh_motion.frequency", motion.frequency)?;
+        if let Some(name) = &motion.boundary {
+            let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
+            known(scene, "fluid.mesh_motion.boundary", name, &names, "boundary of the mesh")?;
+        }
+    }
     if let Some(heat) = &fluid.heat {
         check_heat(scene, heat)?;
     }

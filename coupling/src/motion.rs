@@ -1,0 +1,170 @@
+//! Meshes that move by a law of time.
+
+use crate::{Coupled, Fluid};
+use std::sync::Arc;
+use voidage_fluid::harmonic::harmonic;
+use voidage_fluid::{Error, Mesh, MeshMotion, Result, Vector};
+
+/// A mesh that swings: x(t) = x(0) + weight amplitude sin(2 pi frequency t), with a weight of each node between 0 and 1.
+///
+/// The weight is 1 on the part of the boundary that swings, 0 on the others, and harmonic between. Without such a part
+/// only the inside of the mesh swings: then the weight solves -lap b = 1, scaled to a largest value of 1.
+#[derive(Clone, Debug)]
+pub struct Swing<const D: usize> {
+    rest: Vec<Vector<D>>,
+    weight: Vec<f64>,
+    amplitude: Vector<D>,
+    /// 2 pi frequency, 1/s.
+    rate: f64,
+    /// Velocity of the nodes in the step in hand, m/s.
+    velocity: Vec<Vector<D>>,
+}
+
+impl Swing<2> {
+    /// A swing of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that moves.
+    ///
+    /// # Errors
+    /// There is no such part, or cells turn over on the way.
+    pub fn new(mesh: &Mesh<2>, amplitude: Vector<2>, frequency: f64, boundary: Option<&str>) -> Result<Self> {
+        let mut held = vec![None; mesh.points.len()];
+        let moving = boundary.map(|name| mesh.boundary(name)).transpose()?;
+        for part in &mesh.boundaries {
+            part.facets.iter().for_each(|&node| held[node as usize] = Some(0.0));
+        }
+        for &node in moving.iter().flat_map(|part| &part.facets) {
+            held[node as usize] = Some(1.0);
+        }
+        let source = if moving.is_some() { 0.0 } else { 1.0 };
+        let mut weight = harmonic::<2, 3>(mesh, source, |node| held[node])?;
+        let largest = weight.iter().copied().fold(0.0, f64::max);
+        weight.iter_mut().for_each(|weight| *weight /= largest);
+        let rate = 2.0 * std::f64::consts::PI * frequency;
+        let swing = Self { rest: mesh.points.clone(), weight, amplitude, rate, velocity: Vec::new() };
+        swing.check(mesh)?;
+        Ok(swing)
+    }
+
+    /// The nodes move along straight lines and each cell's measure is a square polynomial of sin(2 pi f t): where it is
+    /// positive at both ends and at its least between them, it always is.
+    fn check(&self, mesh: &Mesh<2>) -> Result<()> {
+        let mut moved = mesh.clone();
+        let mut measures = [-1.0, 0.0, 1.0].map(|sine| {
+            self.place(sine, &mut moved.points);
+            (0..mesh.cell_count()).map(|cell| moved.measure(cell)).collect::<Vec<_>>()
+        });
+        let [low, rest, high] = &mut measures;
+        for cell in 0..mesh.cell_count() {
+            let (linear, square) =
+                ((high[cell] - low[cell]) / 2.0, (high[cell] + low[cell]) / 2.0 - rest[cell]);
+            let turn = if square > 0.0 { (-linear / (2.0 * square)).clamp(-1.0, 1.0) } else { 1.0 };
+            let least = (rest[cell] + turn * (linear + turn * square)).min(low[cell]).min(high[cell]);
+            if least <= 0.0 {
+                return Err(Error::Mesh(format!("cell {cell} at {:?} turns over on the way", {
+                    let place = mesh.centroid(cell);
+                    [place[0], place[1]]
+                })));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<const D: usize> Swing<D> {
+    fn place(&self, sine: f64, points: &mut [Vector<D>]) {
+        for ((point, rest), weight) in points.iter_mut().zip(&self.rest).zip(&self.weight) {
+            *point = rest + self.amplitude * (weight * sine);
+        }
+    }
+
+    /// Puts the nodes where they are at a time, s.
+    pub fn at(&self, time: f64, points: &mut [Vector<D>]) {
+        self.place((self.rate * time).sin(), points);
+    }
+
+    /// Moves the nodes by a step of `dt` from `time` (s).
+    pub fn advance(&mut self, time: f64, dt: f64, points: &mut [Vector<D>]) {
+        let (from, to) = ((self.rate * time).sin(), (self.rate * (time + dt)).sin());
+        self.place(to, points);
+        let mean = self.amplitude * ((to - from) / dt);
+        self.velocity.clear();
+        self.velocity.extend(self.weight.iter().map(|weight| mean * *weight));
+    }
+
+    /// The motion of the step in hand, which has brought the nodes to `points`.
+    pub fn of_step<'a>(&'a self, points: &'a [Vector<D>]) -> MeshMotion<'a, D> {
+        MeshMotion { points, velocity: &self.velocity }
+    }
+}
+
+impl<const D: usize> Coupled<D> {
+    /// Puts a mesh that moves where it is now, after time was set.
+    pub fn place_mesh(&mut self) {
+        self.move_mesh(|motion, time, points| motion.at(time, points));
+    }
+
+    /// Moves the nodes; what was computed of their places follows. Schemes find the mesh where it is at the end of the
+    /// step.
+    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>])) {
+        let Some(Fluid { mesh, nodal_volume, motion: Some(motion), .. }) = &mut self.fluid else { return };
+        // The solver knows a mesh by its place in memory: the one that it was given stays as it is.
+        let mesh = Arc::make_mut(mesh);
+        move_nodes(motion, self.time, &mut mesh.points);
+        *nodal_volume = mesh.nodal_volume();
+        if let Some(interaction) = &mut self.interaction {
+            interaction.overlap.moved(mesh);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use voidage_fluid::mesh::{Rectangle, Side, Sides};
+
+    fn mesh() -> Mesh<2> {
+        let [left, right, bottom, top] = ["wall", "wall", "wall", "lid"].map(Side::named);
+        Mesh::rectangle(&Rectangle {
+            lower: [0.0; 2],
+            upper: [1.0, 1.0],
+            size: Some(0.1),
+            sides: Sides { left, right, bottom, top },
+            holes: vec![],
+            refine: vec![],
+            structured: None,
+        })
+        .expect("a valid rectangle")
+    }
+
+    #[test]
+    fn nodes_swing_between_a_wall_that_moves_and_walls_that_stand() {
+        let mut mesh = mesh();
+        let rest = mesh.points.clone();
+        let amplitude = Vector::<2>::new(0.0, 0.05);
+        let mut swing = Swing::new(&mesh, amplitude, 0.25, Some("lid")).expect("a gentle swing");
+        swing.advance(0.0, 1.0, &mut mesh.points);
+        for (node, (now, then)) in mesh.points.iter().zip(&rest).enumerate() {
+            let moved = now - then;
+            assert!((moved - swing.velocity[node]).norm() < 1e-15, "a quarter of a period in one second");
+            assert!(moved[0] == 0.0 && (-1e-15..=0.05 + 1e-15).contains(&moved[1]), "{moved}");
+            if then[1] == 1.0 {
+                assert!((moved - amplitude).norm() < 1e-15);
+            } else if then[0] == 0.0 || then[1] == 0.0 || then[0] == 1.0 {
+                assert_eq!(moved.norm(), 0.0);
+            }
+        }
+        swing.at(0.0, &mut mesh.points);
+        assert_eq!(mesh.points, rest);
+    }
+
+    #[test]
+    fn the_inside_swings_alone_and_no_cell_may_turn_over() {
+        let mesh = mesh();
+        let amplitude = Vector::<2>::new(0.05, 0.02);
+        let swing = Swing::new(&mesh, amplitude, 1.0, None).expect("a gentle swing");
+        assert_eq!(swing.weight.iter().copied().fold(0.0, f64::max), 1.0);
+        assert!(mesh.boundaries.iter().flat_map(|p| &p.facets).all(|&n| swing.weight[n as usize] == 0.0));
+        let error = Swing::new(&mesh, amplitude * 20.0, 1.0, None).expect_err("too far");
+        assert!(error.to_string().contains("turns over"), "{error}");
+        assert!(Swing::new(&mesh, amplitude, 1.0, Some("door")).is_err());
+    }
+}

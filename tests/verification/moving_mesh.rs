@@ -1,0 +1,330 @@
+//! Moving meshes and closed domains: what must not depend on how the nodes move or are numbered.
+
+use std::f64::consts::PI;
+use std::path::Path;
+use std::sync::Arc;
+use voidage_coupling::backend::{FluidBackend, FluidStep, GrainLoad, Immersed, RustFluid};
+use voidage_coupling::overlap::{self, Overlap};
+use voidage_coupling::{Scene, Simulation};
+use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
+use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::flow::{HeatProperties, State};
+use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
+use voidage_fluid::transport::Scalar;
+use voidage_fluid::{Flow, Mesh, MeshMotion};
+use voidage::models::{self, FluidSet, Vec2, three_per_cell};
+
+fn grid(size: [f64; 2], squares: [usize; 2]) -> Mesh<2> {
+    models::grid(size, squares).expect("a valid rectangle")
+}
+
+fn uniform(velocity: Vec2) -> FlowCondition<2> {
+    FlowCondition::Velocity(Prescribed::Uniform(velocity))
+}
+
+fn moved(from: &[Vec2], to: &[Vec2], dt: f64) -> Vec<Vec2> {
+    to.iter().zip(from).map(|(to, from)| (to - from) / dt).collect()
+}
+
+/// Nodes inside go anywhere, those of walls along them, outflow and inflow back and forth.
+#[test]
+fn a_uniform_stream_stays_uniform_however_the_nodes_move() {
+    let (stream, warm, dt) = (Vec2::new(2.0, 0.0), 310.0, 0.05);
+    let mesh = grid([1.0, 0.5], [10, 5]);
+    let rest = mesh.points.clone();
+    let mut set = FluidSet::new(1.3, 0.01)
+        .flow("left", uniform(stream))
+        .flow("right", FlowCondition::Open { pressure: 0.0 })
+        .flow("top", FlowCondition::Slip)
+        .flow("bottom", FlowCondition::Slip);
+    let scalar = Scalar { capacity: 1.5, conductivity: 0.02, thin_cell: None, lumped: false };
+    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
+    set.conditions[1].heat = HeatCondition::Open { temperature: Some(300.0) };
+    let start = State { velocity: vec![stream; rest.len()], ..set.rest(&mesh, warm) };
+    let mut flow = Flow::<2, 3>::new(
+        mesh,
+        set.properties.clone(),
+        set.heat.clone(),
+        &set.conditions,
+        start,
+        &set.numerics,
+    )
+    .expect("a valid fluid");
+    let clear = vec![1.0; rest.len()];
+    let mut points = rest.clone();
+    let mut count = 0.0_f64;
+    // Between 0 and 1, all over the place.
+    let mut random = || {
+        count += 1.0;
+        (count * 0.618_033_988_749_895).fract()
+    };
+    for _ in 0..6 {
+        let sides = [0.05, -0.05].map(|most: f64| most * random());
+        let next: Vec<Vec2> = rest
+            .iter()
+            .map(|x| {
+                let mut jump = Vec2::from_fn(|_, _| 0.03 * (random() - 0.5));
+                if x[0] == 0.0 || x[0] == 1.0 {
+                    jump[0] = sides[x[0] as usize];
+                }
+                if x[1] == 0.0 || x[1] == 0.5 {
+                    jump[1] = 0.0;
+                }
+                x + jump
+            })
+            .collect();
+        let velocity = moved(&points, &next, dt);
+        points = next;
+        flow.follow(Some(&MeshMotion { points: &points, velocity: &velocity })).expect("good cells");
+        flow.solve(dt, &clear, None, &set.conditions).expect("a step");
+        flow.accept();
+        let state = flow.state();
+        assert!(state.velocity.iter().all(|u| (u - stream).norm() < 1e-11), "{:?}", state.velocity);
+        assert!(state.pressure.iter().all(|p| p.abs() < 1e-10), "{:?}", state.pressure);
+        let temperature = state.temperature.as_ref().expect("heat");
+        assert!(temperature.iter().all(|t| (t - warm).abs() < 1e-9), "{temperature:?}");
+    }
+}
+
+/// L2 errors of velocity and pressure of decaying vortices in a box with slip, the nodes inside swinging.
+fn vortex_errors(squares: usize) -> [f64; 2] {
+    const VISCOSITY: f64 = 0.05;
+    const END: f64 = 0.25;
+    let mesh = grid([1.0, 1.0], [squares, squares]);
+    let rest = mesh.points.clone();
+    let decay = |t: f64| (-2.0 * VISCOSITY * PI * PI * t).exp();
+    let velocity = |x: &Vec2, t: f64| {
+        let (sx, cx, sy, cy) = ((PI * x.x).sin(), (PI * x.x).cos(), (PI * x.y).sin(), (PI * x.y).cos());
+        Vec2::new(sx * cy, -cx * sy) * decay(t)
+    };
+    let pressure =
+        |x: &Vec2, t: f64| 0.25 * ((2.0 * PI * x.x).cos() + (2.0 * PI * x.y).cos()) * decay(t) * decay(t);
+    let places = |t: f64| -> Vec<Vec2> {
+        let swing = Vec2::new(0.04, -0.03) * (4.0 * PI * t).sin();
+        rest.iter().map(|x| x + swing * ((PI * x.x).sin() * (PI * x.y).sin())).collect()
+    };
+    let mut set = FluidSet::new(1.0, VISCOSITY);
+    set.conditions.iter_mut().for_each(|condition| condition.flow = FlowCondition::Slip);
+    let start = State {
+        velocity: rest.iter().map(|x| velocity(x, 0.0)).collect(),
+        pressure: rest.iter().map(|x| pressure(x, 0.0)).collect(),
+        temperature: None,
+    };
+    let (properties, conditions) = (set.properties.clone(), set.conditions.clone());
+    let mut flow =
+        Flow::<2, 3>::new(mesh, properties, None, &conditions, start, &set.numerics).expect("a valid fluid");
+    // Of first order in time, of second in space.
+    let steps = squares * squares / 8;
+    let dt = END / steps as f64;
+    let (clear, mut from) = (vec![1.0; rest.len()], rest.clone());
+    for step in 1..=steps {
+        let points = places(dt * step as f64);
+        let velocity = moved(&from, &points, dt);
+        flow.follow(Some(&MeshMotion { points: &points, velocity: &velocity })).expect("good cells");
+        flow.solve(dt, &clear, None, &conditions).expect("a step");
+        flow.accept();
+        from = points;
+    }
+    let (state, volume) = (flow.state(), flow.mesh().nodal_volume());
+    let norm = |error: &dyn Fn(usize) -> f64| {
+        (0..from.len()).map(|a| volume[a] * error(a) * error(a)).sum::<f64>().sqrt()
+    };
+    [
+        norm(&|a| (state.velocity[a] - velocity(&from[a], END)).norm()),
+        norm(&|a| state.pressure[a] - pressure(&from[a], END)),
+    ]
+}
+
+#[test]
+fn decaying_vortices_keep_their_orders_on_a_mesh_that_swings() {
+    let (coarse, fine) = (vortex_errors(16), vortex_errors(32));
+    println!("{coarse:?} {fine:?}");
+    for (k, least) in [1.9, 1.4].into_iter().enumerate() {
+        let order = (coarse[k] / fine[k]).log2();
+        assert!(order > least, "field {k}: order {order}, errors {coarse:?} {fine:?}");
+    }
+}
+
+/// A closed box full of grains and fluid, all of which moves with it: nothing happens inside. What leaves through a wall
+/// on its way is replaced by grains and fluid together.
+#[test]
+fn a_box_that_moves_with_all_that_is_in_it_is_at_rest_in_itself() {
+    let (drift, dt) = (Vec2::new(0.3, -0.2), 0.1);
+    let set = FluidSet::new(1.2, 0.02);
+    let mut mesh = grid([1.0, 1.0], [4, 4]);
+    let start = State { velocity: vec![drift; mesh.points.len()], ..set.rest(&mesh, 0.0) };
+    let mut backend =
+        RustFluid::<2, 3>::new(set.properties, None, set.numerics.clone(), set.conditions.clone());
+    backend.start(&Arc::new(mesh.clone()), &start).expect("a valid fluid");
+    let velocity = vec![drift; mesh.points.len()];
+    mesh.points.iter_mut().for_each(|x| *x += drift * dt);
+    let position = three_per_cell(&mesh);
+    let count = position.len();
+    let (radius, volume) = (vec![1e-3; count], vec![mesh.measure(0) / 3.0 * 0.4; count]);
+    let mut load = GrainLoad {
+        volume,
+        drag: vec![0.7; count],
+        mobility: vec![0.0; count],
+        velocity: vec![drift; count],
+        ..GrainLoad::default()
+    };
+    let mut cutter = Overlap::new(&mesh).expect("a valid mesh");
+    cutter.cut(&mesh, &position, &radius, &mut load.pieces).expect("grains inside");
+    overlap::voidage(&mesh, &load.pieces, &load.volume, &mesh.nodal_volume(), &mut load.voidage);
+    assert!(load.voidage.iter().all(|eps| (eps - 0.6).abs() < 1e-12), "{:?}", load.voidage);
+    let step = FluidStep {
+        number: 1,
+        time: 0.0,
+        dt,
+        grains: Some(Immersed { position: &position, radius: &radius, load: &load }),
+        conditions: &set.conditions,
+        motion: Some(MeshMotion { points: &mesh.points, velocity: &velocity }),
+    };
+    backend.solve(&step, &mut AtBodies::default()).expect("a step");
+    backend.accept();
+    let state = backend.fields().expect("fields");
+    assert!(state.velocity.iter().all(|u| (u - drift).norm() < 1e-11), "{:?}", state.velocity);
+    assert!(state.pressure.iter().all(|p| p.abs() < 1e-10), "{:?}", state.pressure);
+}
+
+/// The same mesh with its nodes counted from another one on.
+fn renumbered(mesh: &Mesh<2>, by: usize) -> Mesh<2> {
+    let nodes = mesh.points.len();
+    let number = |node: &u32| ((*node as usize + by) % nodes) as u32;
+    let mut other = mesh.clone();
+    other.points = (0..nodes).map(|k| mesh.points[(k + nodes - by) % nodes]).collect();
+    other.cells = mesh.cells.iter().map(number).collect();
+    for part in &mut other.boundaries {
+        part.facets = part.facets.iter().map(number).collect();
+    }
+    other
+}
+
+/// With a voidage that varies, nodal velocities along a curved wall let a little fluid through each of its facets. None
+/// of it may collect at the node whose equation sets the level of the pressure.
+#[test]
+fn in_a_closed_box_no_node_is_special() {
+    let [left, right, bottom, top] = ["wall", "wall", "wall", "lid"].map(Side::named);
+    let mesh = Mesh::rectangle(&Rectangle {
+        lower: [0.0; 2],
+        upper: [1.0, 1.0],
+        size: Some(0.08),
+        sides: Sides { left, right, bottom, top },
+        holes: vec![Hole { name: "rim".into(), centre: [0.45, 0.55], radius: 0.2, size: 0.06, growth: 0.3 }],
+        refine: vec![],
+        structured: None,
+    })
+    .expect("a valid rectangle");
+    let of =
+        |boundary: &str, flow| Condition { boundary: boundary.into(), flow, heat: HeatCondition::Adiabatic };
+    // The lid stands still at its ends, where it would push fluid through the walls.
+    let lid = |x: &Vec2| Vec2::new((PI * x.x).sin(), 0.0);
+    let set = FluidSet::new(1.0, 0.05);
+    let solve = |mesh: Mesh<2>| {
+        let eps: Vec<f64> = mesh.points.iter().map(|x| 0.6 + 0.3 * (5.0 * x.x).sin() * x.y).collect();
+        let pushed = Prescribed::Nodal(mesh.points.iter().map(lid).collect());
+        let conditions = [
+            of("wall", FlowCondition::Slip),
+            of("rim", FlowCondition::Slip),
+            of("lid", FlowCondition::Velocity(pushed)),
+        ];
+        let (start, properties) = (set.rest(&mesh, 0.0), set.properties.clone());
+        let mut flow =
+            Flow::<2, 3>::new(mesh, properties, None, &conditions, start, &set.numerics).expect("a fluid");
+        for _ in 0..3 {
+            flow.solve(0.1, &eps, None, &conditions).expect("a step");
+            flow.accept();
+        }
+        (flow.state().clone(), flow.mesh().clone(), eps)
+    };
+    let (first, mesh, eps) = solve(mesh);
+    let rim = mesh.boundary("rim").expect("a rim");
+    let leak: f64 = rim
+        .facets
+        .chunks_exact(2)
+        .map(|facet| {
+            let [a, b] = [facet[0] as usize, facet[1] as usize];
+            let (ends, along) = ([a, b], mesh.points[b] - mesh.points[a]);
+            let normal = Vec2::new(along[1], -along[0]);
+            let flux = |k: usize, l: usize| {
+                eps[ends[k]] * first.velocity[ends[l]].dot(&normal) / if k == l { 3.0 } else { 6.0 }
+            };
+            flux(0, 0) + flux(0, 1) + flux(1, 0) + flux(1, 1)
+        })
+        .sum();
+    assert!(leak.abs() > 1e-6, "{leak}: the test would see nothing");
+    let volume = mesh.nodal_volume();
+    let mean: f64 = first.pressure.iter().zip(&volume).map(|(p, v)| p * v).sum();
+    let largest = first.pressure.iter().fold(0.0, |most: f64, p| most.max(p.abs()));
+    assert!(mean.abs() < 1e-12 * largest, "{mean}");
+    let nodes = mesh.points.len();
+    for by in [1, nodes / 3, rim.facets[0] as usize] {
+        let (other, ..) = solve(renumbered(&mesh, by));
+        for node in 0..nodes {
+            let there = (node + by) % nodes;
+            assert!((other.velocity[there] - first.velocity[node]).norm() < 1e-9);
+            assert!((other.pressure[there] - first.pressure[node]).abs() < 1e-9 * largest);
+        }
+    }
+}
+
+fn swinging_bed() -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/scenes/moving-mesh.toml");
+    Scene::read(&path, &[]).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Grains over a swinging rod, end to end: the mesh is where the law puts it, all of the grains is on it, forces balance.
+#[test]
+fn a_scene_swings_its_mesh() {
+    let scene = swinging_bed();
+    let mut bed = Simulation::new(&scene).expect("a valid scene");
+    let rest = bed.coupled().fluid.as_ref().expect("a fluid").mesh.points.clone();
+    for _ in 0..7 {
+        bed.step().expect("a step");
+    }
+    let mesh = &bed.coupled().fluid.as_ref().expect("a fluid").mesh;
+    let motion = scene.fluid.as_ref().and_then(|fluid| fluid.mesh_motion.as_ref()).expect("a motion");
+    let sine = (2.0 * PI * motion.frequency * bed.time()).sin();
+    let rod = mesh.boundary("rod").expect("a rod").clone();
+    for &node in &rod.facets {
+        let swing = mesh.points[node as usize] - rest[node as usize];
+        assert!((swing - motion.amplitude.vector::<2>() * sine).norm() < 1e-15);
+    }
+    bed.refresh().expect("fields");
+    let fluid = bed.view().fluid.expect("a fluid");
+    let expected = motion.amplitude.vector::<2>()
+        * ((sine - (2.0 * PI * motion.frequency * (bed.time() - scene.time.step)).sin()) / scene.time.step);
+    let on_rod = fluid.velocity[rod.facets[0] as usize];
+    assert!((on_rod - expected).norm() < 1e-9 * expected.norm(), "{on_rod} {expected}");
+    let totals = bed.totals();
+    assert!(totals.momentum_exchange_defect.expect("both") < 1e-12);
+    assert!(totals.solid_volume_defect.expect("both") < 1e-12);
+}
+
+/// A run goes on from a state as if it had never stopped, with the mesh where it was.
+#[test]
+fn a_moving_mesh_is_where_it_was_after_a_restart() {
+    use voidage_coupling::recorder::{Averages, Checkpoint, Stamp};
+    let scene = swinging_bed();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("checkpoint");
+    let mut straight = Simulation::new(&scene).expect("a valid scene");
+    for _ in 0..3 {
+        straight.step().expect("a step");
+    }
+    let hash = scene.hash().expect("a hash");
+    let stamp = Stamp { scene_hash: hash.clone(), step: straight.steps(), time: straight.time() };
+    let state = straight.state().expect("a state");
+    Checkpoint::write(&path, &stamp, &state, &None::<Averages>).expect("a file");
+    let checkpoint = Checkpoint::read(&path, &hash).expect("a checkpoint");
+    let mut again = Simulation::new(&scene).expect("a valid scene").restart(&checkpoint).expect("a restart");
+    for run in [&mut straight, &mut again] {
+        for _ in 0..3 {
+            run.step().expect("a step");
+        }
+        run.refresh().expect("fields");
+    }
+    let (a, b) = (straight.view().fluid.expect("a fluid"), again.view().fluid.expect("a fluid"));
+    assert_eq!(a.mesh.points, b.mesh.points);
+    assert_eq!((a.velocity, a.pressure, a.temperature), (b.velocity, b.pressure, b.temperature));
+}
