@@ -183,6 +183,53 @@ pub fn cake(sides: usize) -> Mesh<2> {
     Mesh { points, cells, boundaries: vec![rim] }
 }
 
+/// A ring round the origin between two radii (m), cut along `rings` circles whose radii grow by one factor and `sectors`
+/// rays; its boundaries are called inner and outer.
+pub fn annulus(inner: f64, outer: f64, rings: usize, sectors: usize) -> Mesh<2> {
+    let place = |ring: usize, sector: usize| {
+        let radius = inner * (outer / inner).powf(ring as f64 / rings as f64);
+        let angle = 2.0 * std::f64::consts::PI * sector as f64 / sectors as f64;
+        Vec2::new(radius * angle.cos(), radius * angle.sin())
+    };
+    let node = |ring: usize, sector: usize| (ring * sectors + sector % sectors) as u32;
+    let all = (0..=rings).flat_map(|ring| (0..sectors).map(move |sector| (ring, sector)));
+    let points = all.map(|(ring, sector)| place(ring, sector)).collect();
+    let mut cells = Vec::new();
+    for ring in 0..rings {
+        for sector in 0..sectors {
+            let [a, b] = [node(ring, sector), node(ring + 1, sector)];
+            let [c, d] = [node(ring + 1, sector + 1), node(ring, sector + 1)];
+            // Diagonals that alternate like a chequerboard prefer no direction.
+            match (ring + sector) % 2 {
+                0 => cells.extend([a, b, c, a, c, d]),
+                _ => cells.extend([a, b, d, b, c, d]),
+            }
+        }
+    }
+    // The cell with the side on the boundary: inside the first or second of each square, outside always one of two.
+    let at = |ring: usize, sector: usize, second: bool| {
+        (2 * (ring * sectors + sector) + usize::from(second)) as u32
+    };
+    let even = |ring: usize, sector: usize| (ring + sector) % 2 == 0;
+    let inside = Boundary {
+        name: "inner".into(),
+        facets: (0..sectors).flat_map(|k| [node(0, k + 1), node(0, k)]).collect(),
+        cells: (0..sectors).map(|k| at(0, k, even(0, k))).collect(),
+    };
+    let outside = Boundary {
+        name: "outer".into(),
+        facets: (0..sectors).flat_map(|k| [node(rings, k), node(rings, k + 1)]).collect(),
+        cells: (0..sectors).map(|k| at(rings - 1, k, !even(rings - 1, k))).collect(),
+    };
+    Mesh { points, cells, boundaries: vec![inside, outside] }
+}
+
+/// Moves the points of a mesh of the unit square towards its sides: x becomes x - share sin(2 pi x) / (2 pi), likewise y.
+pub fn crowd_at_walls(mesh: &mut Mesh<2>, share: f64) {
+    let full = 2.0 * std::f64::consts::PI;
+    mesh.points.iter_mut().for_each(|x| *x -= x.map(|x| share * (full * x).sin() / full));
+}
+
 /// Three grains in every cell, where a rule with equal weights is exact to degree 2: sums over them equal the
 /// integrals of products of linear fields.
 pub fn three_per_cell(mesh: &Mesh<2>) -> Vec<Vec2> {

@@ -7,6 +7,8 @@ mod case;
 pub mod coupled;
 pub mod fluid;
 pub mod grains;
+mod jet;
+mod norms;
 mod record;
 
 pub use case::{Case, Effort, Finding, Outcome};
