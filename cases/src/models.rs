@@ -6,7 +6,7 @@ use voidage_coupling::backend::{FluidBackend, FluidStep, RustFluid};
 use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Result};
-use voidage_dem::{Dem, Material, Particles, Settings};
+use voidage_dem::{Dem, Material, Particles, Settings, Wall};
 use voidage_fluid::Mesh;
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition};
 use voidage_fluid::exchange::AtBodies;
@@ -19,13 +19,39 @@ pub type Vec2 = SVector<f64, 2>;
 
 /// A regular mesh of a box from the origin, its sides called left, right, bottom and top.
 pub fn grid(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
+    box_mesh(size, squares, Diagonals::Alternating)
+}
+
+/// The same one square wide. Its diagonals are parallel, so that grains in its middle weigh the same on both sides of
+/// every height but the lowest and highest: a column of one dimension.
+pub fn column(size: [f64; 2], squares: usize) -> Result<Mesh<2>> {
+    box_mesh(size, [1, squares], Diagonals::Rising)
+}
+
+/// Grains on top of each other in the middle of a column, between smooth walls and above a floor (the first wall).
+pub fn pile(
+    height: &[f64],
+    radius: f64,
+    width: f64,
+    material: Material,
+    settings: Settings<2>,
+) -> Result<Dem<2>> {
+    let places = height.iter().map(|y| Vec2::new(0.5 * width, *y)).collect();
+    let particles = alike(places, radius, &material)?;
+    let top = height.iter().copied().fold(0.0, f64::max) + 1e3 * radius;
+    let [a, b, c, d] = [[0.0, 0.0], [width, 0.0], [0.0, top], [width, top]].map(Vec2::from);
+    let walls = vec![Wall::new("floor", a, b), Wall::new("left", a, c), Wall::new("right", b, d)];
+    Ok(Dem::new(particles, walls, vec![material], settings)?)
+}
+
+fn box_mesh(size: [f64; 2], squares: [usize; 2], diagonals: Diagonals) -> Result<Mesh<2>> {
     let sides = Sides {
         left: Side::named("left"),
         right: Side::named("right"),
         bottom: Side::named("bottom"),
         top: Side::named("top"),
     };
-    let structured = Some(Structured { squares, diagonals: Diagonals::Alternating });
+    let structured = Some(Structured { squares, diagonals });
     let rectangle = Rectangle {
         lower: [0.0; 2],
         upper: size,

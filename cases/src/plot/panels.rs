@@ -185,12 +185,20 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
         .set_all_tick_mark_size(pixels(4))
         .draw()?;
     let mut colours = COLOURS.iter().cycle();
-    for (curve, points) in panel.curves.iter().zip(&curves) {
-        let colour = match curve.style {
-            Style::Line | Style::Known => BLACK,
-            Style::Dashes => RGBColor(130, 130, 130),
-            _ => *colours.next().unwrap_or(&BLACK),
-        };
+    let mut colour = |style: Style| match style {
+        Style::Line | Style::Known => BLACK,
+        Style::Dashes => RGBColor(130, 130, 130),
+        _ => *colours.next().unwrap_or(&BLACK),
+    };
+    let mut strokes: Vec<_> = panel
+        .curves
+        .iter()
+        .zip(&curves)
+        .map(|(curve, points)| (curve, points, colour(curve.style)))
+        .collect();
+    // Discs lie on lines.
+    strokes.sort_by_key(|(curve, ..)| matches!(curve.style, Style::Points | Style::Known));
+    for (curve, points, colour) in strokes {
         stroke(&mut chart, curve, points, colour)?;
     }
     if panel.curves.iter().any(|curve| !curve.name.is_empty()) {

@@ -26,7 +26,7 @@ impl Jet {
     }
 
     /// A number.
-    pub fn constant(value: f64) -> Self {
+    pub const fn constant(value: f64) -> Self {
         Self { value, slope: [0.0; 3], curve: [0.0; 3] }
     }
 

@@ -1,5 +1,6 @@
 //! Manufactured solutions: exact fields and the sources that make them solve the equations.
 
+use super::immersed::Immersed;
 use crate::models::{FluidSet, Vec2, grid};
 use crate::verify::jet::Jet;
 use crate::verify::norms::{Errors, errors};
@@ -36,6 +37,23 @@ pub struct Exact {
     pub pressure: Jet,
     /// T, K.
     pub temperature: Jet,
+    /// Velocity v of bodies in the fluid, without flow through the boundary, m/s.
+    pub bodies: [Jet; 2],
+    /// Temperature T_s of the bodies, K.
+    pub warmth: Jet,
+}
+
+/// How bodies and fluid act on each other, per volume of body.
+#[derive(Clone, Copy, Debug)]
+pub struct Bodies {
+    /// gamma / V, kg/m3/s.
+    pub drag: f64,
+    /// a gamma: how much of the drag the predicted velocity of a body gives way to, in [0, 1[.
+    pub yielding: f64,
+    /// hA / V, W/m3/K.
+    pub heat: f64,
+    /// aT hA: the same for its temperature.
+    pub warming: f64,
 }
 
 /// Fields of x, y and t on the square [-1, 1]^2.
@@ -55,8 +73,9 @@ impl Fields {
 }
 
 impl Exact {
-    /// eps rho (u_t + (u . grad) u) + grad p - div(eps eta (grad u + grad u^T)), N/m3.
-    pub fn momentum(&self, fluid: &Fluid) -> Vec2 {
+    /// eps rho (u_t + (u . grad) u) + grad p - div(eps eta (grad u + grad u^T)), N/m3; with bodies also
+    /// -phi grad p + phi (gamma/V) (u - v).
+    pub fn momentum(&self, fluid: &Fluid, bodies: Option<&Bodies>) -> Vec2 {
         let (eps, u) = (&self.voidage, &self.velocity);
         Vec2::from_fn(|i, _| {
             let carried: f64 = (0..2).map(|j| u[j].value * u[i].slope[j]).sum();
@@ -67,26 +86,32 @@ impl Exact {
                         + eps.value * (u[i].second(j, j) + u[j].second(i, j))
                 })
                 .sum();
-            inertia + self.pressure.slope[i] - fluid.viscosity * stress
+            let push = self.pressure.slope[i];
+            let taken = bodies.map_or(0.0, |bodies| {
+                (1.0 - eps.value) * (bodies.drag * (u[i].value - self.bodies[i].value) - push)
+            });
+            inertia + push - fluid.viscosity * stress + taken
         })
     }
 
-    /// div(eps u), 1/s: without bodies the solver has no d(eps)/dt, which is then a source.
-    pub fn mass(&self) -> f64 {
-        (0..2)
-            .map(|j| {
-                self.voidage.slope[j] * self.velocity[j].value
-                    + self.voidage.value * self.velocity[j].slope[j]
-            })
-            .sum()
+    /// div(eps u), 1/s: without bodies the solver has no d(eps)/dt, which is then a source; with them div(eps u + phi v).
+    pub fn mass(&self, bodies: Option<&Bodies>) -> f64 {
+        let divergence = |share: Jet, u: &[Jet; 2]| -> f64 {
+            (0..2).map(|j| share.slope[j] * u[j].value + share.value * u[j].slope[j]).sum()
+        };
+        let solid = Jet::constant(1.0) - self.voidage;
+        divergence(self.voidage, &self.velocity) + bodies.map_or(0.0, |_| divergence(solid, &self.bodies))
     }
 
-    /// eps rho c (T_t + u . grad T) - div(eps k grad T), W/m3.
-    pub fn heat(&self, fluid: &Fluid) -> f64 {
+    /// eps rho c (T_t + u . grad T) - div(eps k grad T), W/m3; with bodies also phi (hA/V) (T - T_s).
+    pub fn heat(&self, fluid: &Fluid, bodies: Option<&Bodies>) -> f64 {
         let (eps, t) = (&self.voidage, &self.temperature);
         let carried: f64 = (0..2).map(|j| self.velocity[j].value * t.slope[j]).sum();
         let spread: f64 = (0..2).map(|j| eps.slope[j] * t.slope[j] + eps.value * t.second(j, j)).sum();
+        let given =
+            bodies.map_or(0.0, |bodies| (1.0 - eps.value) * bodies.heat * (t.value - self.warmth.value));
         eps.value * fluid.density * fluid.capacity * (t.slope[2] + carried) - fluid.conductivity * spread
+            + given
     }
 }
 
@@ -114,6 +139,8 @@ pub struct Run {
     pub steps: usize,
     /// Whether heat is lumped.
     pub lumped: bool,
+    /// Bodies that fill what the fluid leaves; none: a voidage without bodies.
+    pub bodies: Option<Bodies>,
 }
 
 /// What a run is off by at its end.
@@ -157,17 +184,20 @@ impl Run {
             start,
             &set.numerics,
         )?;
+        let bodies = self.bodies.as_ref();
         for step in 1..=self.steps {
             let time = step as f64 * self.dt;
             self.prescribe(&mut set, flow.mesh(), time);
             let exact: Vec<Exact> = points.iter().map(|x| self.fields.exact(*x, time)).collect();
             flow.set_sources(Some(Sources {
-                momentum: exact.iter().map(|exact| exact.momentum(&self.fluid)).collect(),
-                mass: balanced(exact.iter().map(|exact| exact.mass()).collect(), &volume),
-                heat: exact.iter().map(|exact| exact.heat(&self.fluid)).collect(),
+                momentum: exact.iter().map(|exact| exact.momentum(&self.fluid, bodies)).collect(),
+                mass: balanced(exact.iter().map(|exact| exact.mass(bodies)).collect(), &volume),
+                heat: exact.iter().map(|exact| exact.heat(&self.fluid, bodies)).collect(),
             }));
             let voidage: Vec<f64> = exact.iter().map(|exact| exact.voidage.value).collect();
-            flow.solve(self.dt, &voidage, None, &set.conditions)?;
+            let immersed = self.bodies.map(|bodies| Immersed::new(flow.mesh(), &self.fields, &bodies, time));
+            let load = immersed.as_ref().map(Immersed::exchange);
+            flow.solve(self.dt, &voidage, load.as_ref(), &set.conditions)?;
             flow.accept();
         }
         Ok(flow)

@@ -5,6 +5,7 @@ use super::Case;
 mod cavity;
 mod convection;
 mod hele_shaw;
+mod immersed;
 mod manufactured;
 mod orders;
 mod rayleigh;
