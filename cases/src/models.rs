@@ -236,7 +236,7 @@ pub fn annulus(inner: f64, outer: f64, rings: usize, sectors: usize) -> Mesh<2> 
     let at = |ring: usize, sector: usize, second: bool| {
         (2 * (ring * sectors + sector) + usize::from(second)) as u32
     };
-    let even = |ring: usize, sector: usize| (ring + sector) % 2 == 0;
+    let even = |ring: usize, sector: usize| (ring + sector).is_multiple_of(2);
     let inside = Boundary {
         name: "inner".into(),
         facets: (0..sectors).flat_map(|k| [node(0, k + 1), node(0, k)]).collect(),

@@ -108,17 +108,21 @@ impl Add<f64> for Jet {
 impl Mul for Jet {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        let (a, b) = (&self, &other);
-        let curve = |k: usize| {
-            let (i, j) = PAIRS[k];
-            let mixed = a.slope[i] * b.slope[j] + a.slope[j] * b.slope[i];
-            a.curve[k] * b.value + mixed + a.value * b.curve[k]
-        };
-        Self {
-            value: a.value * b.value,
-            slope: std::array::from_fn(|k| a.slope[k] * b.value + a.value * b.slope[k]),
-            curve: std::array::from_fn(curve),
-        }
+        product(&self, &other)
+    }
+}
+
+/// (a b)_i = a_i b + a b_i, (a b)_ij = a_ij b + a_i b_j + a_j b_i + a b_ij.
+fn product(a: &Jet, b: &Jet) -> Jet {
+    let curve = |k: usize| {
+        let (i, j) = PAIRS[k];
+        let mixed = a.slope[i] * b.slope[j] + a.slope[j] * b.slope[i];
+        a.curve[k] * b.value + mixed + a.value * b.curve[k]
+    };
+    Jet {
+        value: a.value * b.value,
+        slope: std::array::from_fn(|k| a.slope[k] * b.value + a.value * b.slope[k]),
+        curve: std::array::from_fn(curve),
     }
 }
 

@@ -114,9 +114,9 @@ fn run(effort: Effort) -> Result<Outcome> {
         let mut mean =
             Finding::relative(format!("mean Nu, {mesh}"), "1", known, finest, effort.pick(0.01, 0.005));
         if let [a, b, c] = numbers[..] {
-            // None where the approach is not monotone.
+            // None while the finest step is not yet the smallest.
             let ratio = (a - b) / (b - c);
-            mean.order = (ratio > 0.0).then(|| ratio.log2());
+            mean.order = (ratio > 1.0).then(|| ratio.log2());
         }
         outcome.findings.push(mean);
         for (name, (known, value)) in ["u", "v"].into_iter().zip(speeds.into_iter().zip(largest)) {
