@@ -7,7 +7,7 @@ use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunctio
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Result};
-use voidage_dem::{Dem, Material, Particles, Settings};
+use voidage_dem::{Dem, Material, Particles, Settings, Wall};
 use voidage_fluid::Mesh;
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition};
 use voidage_fluid::exchange::AtBodies;
@@ -20,13 +20,39 @@ pub type Vec2 = SVector<f64, 2>;
 
 /// A regular mesh of a box from the origin, its sides called left, right, bottom and top.
 pub fn grid(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
+    box_mesh(size, squares, Diagonals::Alternating)
+}
+
+/// The same one square wide. Its diagonals are parallel, so that grains in its middle weigh the same on both sides of
+/// every height but the lowest and highest: a column of one dimension.
+pub fn column(size: [f64; 2], squares: usize) -> Result<Mesh<2>> {
+    box_mesh(size, [1, squares], Diagonals::Rising)
+}
+
+/// Grains on top of each other in the middle of a column, between smooth walls and above a floor (the first wall).
+pub fn pile(
+    height: &[f64],
+    radius: f64,
+    width: f64,
+    material: Material,
+    settings: Settings<2>,
+) -> Result<Dem<2>> {
+    let places = height.iter().map(|y| Vec2::new(0.5 * width, *y)).collect();
+    let particles = alike(places, radius, &material)?;
+    let top = height.iter().copied().fold(0.0, f64::max) + 1e3 * radius;
+    let [a, b, c, d] = [[0.0, 0.0], [width, 0.0], [0.0, top], [width, top]].map(Vec2::from);
+    let walls = vec![Wall::new("floor", a, b), Wall::new("left", a, c), Wall::new("right", b, d)];
+    Ok(Dem::new(particles, walls, vec![material], settings)?)
+}
+
+fn box_mesh(size: [f64; 2], squares: [usize; 2], diagonals: Diagonals) -> Result<Mesh<2>> {
     let sides = Sides {
         left: Side::named("left"),
         right: Side::named("right"),
         bottom: Side::named("bottom"),
         top: Side::named("top"),
     };
-    let structured = Some(Structured { squares, diagonals: Diagonals::Alternating });
+    let structured = Some(Structured { squares, diagonals });
     let rectangle = Rectangle {
         lower: [0.0; 2],
         upper: size,
@@ -182,6 +208,53 @@ pub fn cake(sides: usize) -> Mesh<2> {
     let facets = (0..sides).flat_map(|k| [1 + k as u32, next(k) as u32]).collect();
     let rim = Boundary { name: "rim".into(), facets, cells: (0..sides as u32).collect() };
     Mesh { points, cells, boundaries: vec![rim] }
+}
+
+/// A ring round the origin between two radii (m), cut along `rings` circles whose radii grow by one factor and `sectors`
+/// rays; its boundaries are called inner and outer.
+pub fn annulus(inner: f64, outer: f64, rings: usize, sectors: usize) -> Mesh<2> {
+    let place = |ring: usize, sector: usize| {
+        let radius = inner * (outer / inner).powf(ring as f64 / rings as f64);
+        let angle = 2.0 * std::f64::consts::PI * sector as f64 / sectors as f64;
+        Vec2::new(radius * angle.cos(), radius * angle.sin())
+    };
+    let node = |ring: usize, sector: usize| (ring * sectors + sector % sectors) as u32;
+    let all = (0..=rings).flat_map(|ring| (0..sectors).map(move |sector| (ring, sector)));
+    let points = all.map(|(ring, sector)| place(ring, sector)).collect();
+    let mut cells = Vec::new();
+    for ring in 0..rings {
+        for sector in 0..sectors {
+            let [a, b] = [node(ring, sector), node(ring + 1, sector)];
+            let [c, d] = [node(ring + 1, sector + 1), node(ring, sector + 1)];
+            // Diagonals that alternate like a chequerboard prefer no direction.
+            match (ring + sector) % 2 {
+                0 => cells.extend([a, b, c, a, c, d]),
+                _ => cells.extend([a, b, d, b, c, d]),
+            }
+        }
+    }
+    // The cell with the side on the boundary: inside the first or second of each square, outside always one of two.
+    let at = |ring: usize, sector: usize, second: bool| {
+        (2 * (ring * sectors + sector) + usize::from(second)) as u32
+    };
+    let even = |ring: usize, sector: usize| (ring + sector).is_multiple_of(2);
+    let inside = Boundary {
+        name: "inner".into(),
+        facets: (0..sectors).flat_map(|k| [node(0, k + 1), node(0, k)]).collect(),
+        cells: (0..sectors).map(|k| at(0, k, even(0, k))).collect(),
+    };
+    let outside = Boundary {
+        name: "outer".into(),
+        facets: (0..sectors).flat_map(|k| [node(rings, k), node(rings, k + 1)]).collect(),
+        cells: (0..sectors).map(|k| at(rings - 1, k, !even(rings - 1, k))).collect(),
+    };
+    Mesh { points, cells, boundaries: vec![inside, outside] }
+}
+
+/// Moves the points of a mesh of the unit square towards its sides: x becomes x - share sin(2 pi x) / (2 pi), likewise y.
+pub fn crowd_at_walls(mesh: &mut Mesh<2>, share: f64) {
+    let full = 2.0 * std::f64::consts::PI;
+    mesh.points.iter_mut().for_each(|x| *x -= x.map(|x| share * (full * x).sin() / full));
 }
 
 /// Three grains in every cell, where a rule with equal weights is exact to degree 2: sums over them equal the

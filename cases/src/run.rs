@@ -203,7 +203,9 @@ impl Run {
             self.record()?;
             let step = self.simulation.steps();
             let disagreement = report.agreement.as_ref().and_then(Agreement::complaint);
-            if let (Some(complaint), 1) = (disagreement, self.simulation.totals().disagreeing_steps.unwrap_or(0)) {
+            if let (Some(complaint), 1) =
+                (disagreement, self.simulation.totals().disagreeing_steps.unwrap_or(0))
+            {
                 warn!("step {step}: {complaint}\n  (later steps of this kind are counted in summary.json)");
             }
             progress.show(step, || News {

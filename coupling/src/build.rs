@@ -354,7 +354,9 @@ fn condition(boundary: &scene::Boundary) -> Condition<2> {
         },
         heat: match &boundary.heat {
             None | Some(scene::HeatBoundary::Adiabatic) => HeatCondition::Adiabatic,
-            Some(scene::HeatBoundary::Temperature(value)) => HeatCondition::Temperature(*value),
+            Some(scene::HeatBoundary::Temperature(value)) => {
+                HeatCondition::Temperature(Prescribed::Uniform(*value))
+            }
             Some(scene::HeatBoundary::Newton { coefficient, temperature }) => {
                 HeatCondition::Newton { coefficient: *coefficient, temperature: *temperature }
             }

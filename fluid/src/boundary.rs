@@ -258,9 +258,9 @@ pub fn apply_temperatures<const D: usize>(
     system: &mut System<1>,
 ) {
     for condition in conditions {
-        if let HeatCondition::Temperature(value) = condition.heat {
+        if let HeatCondition::Temperature(value) = &condition.heat {
             for nodes in facets(mesh, &condition.boundary) {
-                nodes.iter().for_each(|&node| system.prescribe(node as usize, 0, value));
+                nodes.iter().for_each(|&node| system.prescribe(node as usize, 0, value.at(node as usize)));
             }
         }
     }

@@ -14,17 +14,17 @@ pub struct Condition<const D: usize> {
     pub heat: HeatCondition,
 }
 
-/// A prescribed velocity.
+/// A prescribed velocity (m/s) or temperature (K).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Prescribed<const D: usize> {
-    /// The same everywhere, m/s.
-    Uniform(Vector<D>),
-    /// One value for every node of the mesh, m/s; only those on the boundary part are read.
-    Nodal(Vec<Vector<D>>),
+pub enum Prescribed<T> {
+    /// The same everywhere.
+    Uniform(T),
+    /// One value for every node of the mesh; only those on the boundary part are read.
+    Nodal(Vec<T>),
 }
 
-impl<const D: usize> Prescribed<D> {
+impl<T: Copy + std::ops::MulAssign<f64>> Prescribed<T> {
     /// Multiplies by a factor.
     pub fn scale(&mut self, factor: f64) {
         match self {
@@ -33,7 +33,8 @@ impl<const D: usize> Prescribed<D> {
         }
     }
 
-    fn at(&self, node: usize) -> Vector<D> {
+    /// The value at a node of the mesh.
+    pub fn at(&self, node: usize) -> T {
         match self {
             Self::Uniform(value) => *value,
             Self::Nodal(values) => values[node],
@@ -46,9 +47,9 @@ impl<const D: usize> Prescribed<D> {
 #[serde(rename_all = "snake_case")]
 pub enum FlowCondition<const D: usize> {
     /// u given.
-    Velocity(Prescribed<D>),
+    Velocity(Prescribed<Vector<D>>),
     /// eps u given: u = value / eps with the nodal voidage of the step.
-    SuperficialVelocity(Prescribed<D>),
+    SuperficialVelocity(Prescribed<Vector<D>>),
     /// u = 0, on a moving mesh u = u_mesh: the nodes of a wall move with it.
     NoSlip,
     /// u . n = 0, on a moving mesh u_mesh . n; no tangential traction.
@@ -66,7 +67,7 @@ pub enum FlowCondition<const D: usize> {
 #[serde(rename_all = "snake_case")]
 pub enum HeatCondition {
     /// T given, K.
-    Temperature(f64),
+    Temperature(Prescribed<f64>),
     /// Newton cooling, q = coefficient (T_w - T).
     Newton {
         /// Heat-transfer coefficient h_w, W/m2/K.

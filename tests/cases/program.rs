@@ -161,6 +161,34 @@ fn the_schema_and_the_doctor_speak() {
 }
 
 #[test]
+fn verify_leaves_its_tables_and_plots() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |only: &str| {
+        let arguments = ["verify", "--quick", "--quiet", "--only", only, "--out", "out"];
+        voidage().current_dir(folder.path()).args(arguments).output().unwrap()
+    };
+    let output = run("hele-shaw");
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && said.contains("0 of 2 findings"), "{said}");
+    let table = fs::read_to_string(folder.path().join("out/verification.csv")).unwrap();
+    assert!(
+        table.starts_with("group,case,quantity,unit,expected,measured,lowest_allowed,highest_allowed"),
+        "{table}"
+    );
+    assert_eq!(table.matches("fluid,hele-shaw").count(), 2);
+    let curves = fs::read_to_string(folder.path().join("out/curves.csv")).unwrap();
+    assert!(curves.lines().count() > 200, "{curves}");
+    let page = fs::read(folder.path().join("out/verification.png")).unwrap();
+    assert!(page.starts_with(b"\x89PNG") && page.len() > 5000);
+    let wrong = run("hele");
+    let said = String::from_utf8(wrong.stderr).unwrap();
+    assert!(
+        wrong.status.code() == Some(2) && said.contains("--only hele") && said.contains("taylor-green"),
+        "{said}"
+    );
+}
+
+#[test]
 fn check_says_what_is_on_and_off() {
     let folder = folder();
     let output = voidage().current_dir(folder.path()).args(["check", "scene.toml"]).output().unwrap();

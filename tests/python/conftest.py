@@ -33,15 +33,16 @@ def box(n: int, dimension: int, lower: float = 0.0, upper: float = 1.0):
             offset[-2:] = offset[-1], offset[-2]
         cells.append(corners[:, None] + offset)
     cells = np.concatenate(cells)
-    return (
-        points,
-        cells,
-        {
-            f"{'xyz'[k]}{side}": _facets(points, cells, k, value, outward)
-            for k in range(dimension)
-            for side, value, outward in ((0, lower, -1.0), (1, upper, 1.0))
-        },
-    )
+    return points, cells, sides(points, cells, lower, upper)
+
+
+def sides(points, cells, lower: float, upper: float):
+    """Facets of the sides x0, x1, y0, .. of a cube."""
+    return {
+        f"{'xyz'[k]}{side}": _facets(points, cells, k, value, outward)
+        for k in range(points.shape[1])
+        for side, value, outward in ((0, lower, -1.0), (1, upper, 1.0))
+    }
 
 
 def _facets(points, cells, axis, value, outward):

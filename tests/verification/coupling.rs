@@ -248,7 +248,7 @@ fn a_grain_cools_in_a_stream_as_ranz_and_marshall_say() {
         .flow("right", OPEN);
     let scalar = Scalar { capacity: 1.1854 * 1007.0, conductivity: 0.026, thin_cell: None, lumped: true };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 298.15 });
-    set.conditions[0].heat = HeatCondition::Temperature(298.15);
+    set.conditions[0].heat = HeatCondition::Temperature(Prescribed::Uniform(298.15));
     let mesh = grid([0.4, 0.2], [8, 4]).unwrap();
     let mut start = set.rest(&mesh, 298.15);
     start.velocity.fill(wind);

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
+use voidage::models::{self, FluidSet, Vec2, three_per_cell};
 use voidage_coupling::backend::{FluidBackend, FluidStep, GrainLoad, Immersed, RustFluid};
 use voidage_coupling::overlap::{self, Overlap};
 use voidage_coupling::{Scene, Simulation};
@@ -12,7 +13,6 @@ use voidage_fluid::flow::{HeatProperties, State};
 use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
 use voidage_fluid::transport::Scalar;
 use voidage_fluid::{Flow, Mesh, MeshMotion};
-use voidage::models::{self, FluidSet, Vec2, three_per_cell};
 
 fn grid(size: [f64; 2], squares: [usize; 2]) -> Mesh<2> {
     models::grid(size, squares).expect("a valid rectangle")

@@ -6,3 +6,8 @@ use voidage_tests::verify_quickly;
 fn the_fluid_alone() {
     verify_quickly("fluid");
 }
+
+#[test]
+fn grains_in_a_fluid() {
+    verify_quickly("coupled");
+}

@@ -46,12 +46,14 @@ pub struct Curve {
     pub style: Style,
 }
 
-/// How a curve is drawn. Lines and dashes without colour are black and grey: what is known; the others take a colour
+/// How a curve is drawn. Black and grey are what is known; the others take a colour
 /// each, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Black line: exact.
     Line,
+    /// Black circles: known values, tables.
+    Known,
     /// Grey dashes: a slope, a bound.
     Dashes,
     /// Coloured discs: measured.
@@ -66,6 +68,11 @@ impl Curve {
     /// The exact curve.
     pub fn line(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), points, style: Style::Line }
+    }
+
+    /// Known values at some points.
+    pub fn known(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Known }
     }
 
     /// Measured values.
@@ -178,12 +185,20 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
         .set_all_tick_mark_size(pixels(4))
         .draw()?;
     let mut colours = COLOURS.iter().cycle();
-    for (curve, points) in panel.curves.iter().zip(&curves) {
-        let colour = match curve.style {
-            Style::Line => BLACK,
-            Style::Dashes => RGBColor(130, 130, 130),
-            _ => *colours.next().unwrap_or(&BLACK),
-        };
+    let mut colour = |style: Style| match style {
+        Style::Line | Style::Known => BLACK,
+        Style::Dashes => RGBColor(130, 130, 130),
+        _ => *colours.next().unwrap_or(&BLACK),
+    };
+    let mut strokes: Vec<_> = panel
+        .curves
+        .iter()
+        .zip(&curves)
+        .map(|(curve, points)| (curve, points, colour(curve.style)))
+        .collect();
+    // Discs lie on lines.
+    strokes.sort_by_key(|(curve, ..)| matches!(curve.style, Style::Points | Style::Known));
+    for (curve, points, colour) in strokes {
         stroke(&mut chart, curve, points, colour)?;
     }
     if panel.curves.iter().any(|curve| !curve.name.is_empty()) {
@@ -208,7 +223,8 @@ fn stroke(
     let (line, disc) = (colour.stroke_width(pixels(2)), pixels(3) as i32);
     let points = || points.iter().copied();
     let length = pixels(26) as i32;
-    let discs = matches!(curve.style, Style::Points | Style::Joined);
+    let discs = matches!(curve.style, Style::Points | Style::Joined | Style::Known);
+    let look = if curve.style == Style::Known { colour.stroke_width(pixels(1)) } else { colour.filled() };
     if curve.style == Style::Dashes {
         let dashes = DashedLineSeries::new(points(), pixels(7), pixels(5), line);
         let drawn = chart.draw_series(dashes)?;
@@ -219,30 +235,28 @@ fn stroke(
         }
         return Ok(());
     }
-    if curve.style != Style::Points {
+    if !matches!(curve.style, Style::Points | Style::Known) {
         let drawn = chart.draw_series(LineSeries::new(points(), line))?;
         if !discs && !curve.name.is_empty() {
             drawn.label(&curve.name).legend(move |(x, y)| PathElement::new([(x, y), (x + length, y)], line));
         }
     }
     if discs {
-        let drawn = chart.draw_series(points().map(|point| Circle::new(point, disc, colour.filled())))?;
+        let drawn = chart.draw_series(points().map(|point| Circle::new(point, disc, look)))?;
         if !curve.name.is_empty() {
             let middle = length / 2;
-            drawn
-                .label(&curve.name)
-                .legend(move |(x, y)| Circle::new((x + middle, y), disc, colour.filled()));
+            drawn.label(&curve.name).legend(move |(x, y)| Circle::new((x + middle, y), disc, look));
         }
     }
     Ok(())
 }
 
-/// The corner with the fewest points near it: where the legend hides least.
+/// The place with the fewest points near it: where the legend hides least.
 fn emptiest(curves: &[Vec<(f64, f64)>], [left, low, right, high]: [f64; 4]) -> SeriesLabelPosition {
-    let near = |right_side: bool, upper: bool| {
+    let near = |column: usize, upper: bool| {
         let inside = |(x, y): &&(f64, f64)| {
             let (across, up) = ((x - left) / (right - left), (y - low) / (high - low));
-            let across = if right_side { across > 0.45 } else { across < 0.55 };
+            let across = [across < 0.5, (0.25..0.75).contains(&across), across > 0.5][column];
             across && if upper { up > 0.6 } else { up < 0.4 }
         };
         // A curve of many points hides as much as one of few.
@@ -251,10 +265,12 @@ fn emptiest(curves: &[Vec<(f64, f64)>], [left, low, right, high]: [f64; 4]) -> S
         curves.iter().map(share).sum::<f64>()
     };
     let corners = [
-        (SeriesLabelPosition::UpperRight, near(true, true)),
-        (SeriesLabelPosition::UpperLeft, near(false, true)),
-        (SeriesLabelPosition::LowerRight, near(true, false)),
-        (SeriesLabelPosition::LowerLeft, near(false, false)),
+        (SeriesLabelPosition::UpperRight, near(2, true)),
+        (SeriesLabelPosition::UpperLeft, near(0, true)),
+        (SeriesLabelPosition::LowerRight, near(2, false)),
+        (SeriesLabelPosition::LowerLeft, near(0, false)),
+        (SeriesLabelPosition::UpperMiddle, near(1, true)),
+        (SeriesLabelPosition::LowerMiddle, near(1, false)),
     ];
     let best = corners.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
     best.map_or(SeriesLabelPosition::UpperRight, |(corner, _)| corner)

@@ -112,8 +112,7 @@ impl Bed {
     }
 
     fn lie(&self) -> Result<Lying> {
-        let material =
-            Material { density: self.solid, friction: 0.3, solidity: 0.65, ..Material::default() };
+        let material = Material { density: self.solid, friction: 0.3, solidity: 0.65, ..Material::default() };
         let (width, d) = (WIDTH as f64 * self.diameter, self.diameter);
         let region = Region { low: Vec2::zeros(), high: Vec2::new(width, HEIGHT as f64 * d) };
         let radii = Radii::Uniform { min: 0.45 * d, max: 0.55 * d };
@@ -132,9 +131,8 @@ impl Bed {
         let top = particles.position.iter().fold(0.0, |top: f64, x| top.max(x.y + 0.5 * d));
         let voidage = 1.0 - particles.volume.iter().sum::<f64>() / (width * top);
         let weight = particles.mass.iter().sum::<f64>() * self.gravity() / width;
-        let drop = |speed: f64| {
-            (1.0 - voidage) * self.drag(speed, voidage) * speed / (voidage * voidage) * top
-        };
+        let drop =
+            |speed: f64| (1.0 - voidage) * self.drag(speed, voidage) * speed / (voidage * voidage) * top;
         let (mut low, mut high) = (0.0, 10.0);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
@@ -160,7 +158,8 @@ impl Bed {
             temperature: None,
             conductivity: None,
         };
-        let settings = Settings { gravity: Vec2::new(0.0, -self.gravity()), tolerance, ..Settings::default() };
+        let settings =
+            Settings { gravity: Vec2::new(0.0, -self.gravity()), tolerance, ..Settings::default() };
         Ok(Dem::new(particles, walls.map(wall).to_vec(), vec![material.clone()], settings)?)
     }
 
@@ -172,10 +171,9 @@ impl Bed {
         scheme: SchemeName,
         (held, tolerance): (bool, f64),
     ) -> Result<Coupled<2>> {
-        let set = self.set().flow(
-            "bottom",
-            FlowCondition::SuperficialVelocity(Prescribed::Uniform(Vec2::new(0.0, speed))),
-        );
+        let set = self
+            .set()
+            .flow("bottom", FlowCondition::SuperficialVelocity(Prescribed::Uniform(Vec2::new(0.0, speed))));
         let d = self.diameter;
         let (width, height) = (WIDTH as f64 * d, HEIGHT as f64 * d);
         let mesh = grid([width, height], [WIDTH / SQUARE, HEIGHT / SQUARE])?;

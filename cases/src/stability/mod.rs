@@ -122,7 +122,9 @@ fn choose(names: &[String]) -> Result<Vec<Axis>> {
     if let Some(name) = names.iter().find(|name| !all.iter().any(|axis| axis.name == *name)) {
         let known: Vec<&str> = all.iter().map(|axis| axis.name).collect();
         let known = known.join(", ");
-        return Err(Error::Input(format!("--only {name}: there is no such axis\n  help: use one of {known}")));
+        return Err(Error::Input(format!(
+            "--only {name}: there is no such axis\n  help: use one of {known}"
+        )));
     }
     let wanted = |axis: &Axis| names.is_empty() || names.iter().any(|name| name == axis.name);
     Ok(all.into_iter().filter(wanted).collect())

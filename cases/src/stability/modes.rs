@@ -5,7 +5,9 @@
 //! r = (rho_f/rho_p)(phi/eps), so that A = B phi rho_p/(eps rho_f) and the K of physics.md is B/eps.
 
 use super::axis::{Axis, Sample, Verdict, product};
-use crate::models::{FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless};
+use crate::models::{
+    FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
+};
 use crate::verify::Effort;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
@@ -42,7 +44,9 @@ pub const AXES: &[Axis] = &[
             Effort::Full => product(&DENSITY, &STEP),
         },
         run: |[density, step], scheme, _| closed_box(Mixture { density, solid: 0.4 }, step, scheme),
-        theory: |[density, step], scheme| Some(Mixture { density, solid: 0.4 }.root(scheme, step) < 1.0 + 1e-9),
+        theory: |[density, step], scheme| {
+            Some(Mixture { density, solid: 0.4 }.root(scheme, step) < 1.0 + 1e-9)
+        },
     },
     Axis {
         name: "closed-box-voidage",
@@ -127,9 +131,7 @@ impl Mixture {
         let (r, k) = (self.solid / eps / self.density, b / eps);
         match scheme {
             SchemeName::Explicit => (1.0 - r - k / eps, r),
-            SchemeName::Lagged => {
-                ((1.0 - r - k * self.solid / eps) / (1.0 + k), r / (1.0 + k))
-            }
+            SchemeName::Lagged => ((1.0 - r - k * self.solid / eps) / (1.0 + k), r / (1.0 + k)),
             _ => ((1.0 + r) / (1.0 + r + k / eps), 0.0),
         }
     }

@@ -41,7 +41,8 @@ pub struct Record {
 impl Record {
     /// The table at a path, with the rows that are there.
     pub fn open(path: &Path) -> Result<Self> {
-        let failed = |error: csv::Error| Error::Input(format!("{}: {error}\n  help: remove it", path.display()));
+        let failed =
+            |error: csv::Error| Error::Input(format!("{}: {error}\n  help: remove it", path.display()));
         let rows = match path.exists() {
             true => {
                 let mut reader = csv::Reader::from_path(path).map_err(failed)?;

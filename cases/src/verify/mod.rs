@@ -7,6 +7,8 @@ mod case;
 pub mod coupled;
 pub mod fluid;
 pub mod grains;
+mod jet;
+mod norms;
 mod record;
 
 pub use case::{Case, Effort, Finding, Outcome};
@@ -63,7 +65,7 @@ pub fn verify(options: &Options) -> Result<u8> {
     start_threads(options.threads)?;
     create_folder(&options.out)?;
     let effort = if options.quick { Effort::Quick } else { Effort::Full };
-    let mut record = Record::create(&options.out.join("verification.csv"))?;
+    let mut record = Record::create(&options.out)?;
     let mut drawn: Vec<Panel> = Vec::new();
     let (mut missed, mut count) = (0, 0);
     let progress = Progress::of("case", 0, chosen.len() as u64, options.quiet);
@@ -72,7 +74,7 @@ pub fn verify(options: &Options) -> Result<u8> {
         let start = Instant::now();
         let outcome = solve(case, effort);
         let wall = start.elapsed().as_secs_f64();
-        record.add(case, &outcome.findings, wall)?;
+        record.add(case, &outcome, wall)?;
         print(case, &outcome.findings, wall);
         missed += outcome.findings.iter().filter(|finding| !finding.passes()).count();
         count += outcome.findings.len();

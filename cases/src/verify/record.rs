@@ -1,15 +1,21 @@
-//! `verification.csv`: one row per finding, written as cases finish.
+//! The tables, written as cases finish: `verification.csv`, one row per finding, and `curves.csv`, the points of the plots.
 
-use super::{Case, Finding};
+use super::{Case, Outcome};
 use serde::Serialize;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use voidage_coupling::{Error, Result};
 
-/// The table in the making.
-pub struct Record {
+/// A table in the making.
+struct Table {
     path: PathBuf,
     writer: csv::Writer<File>,
+}
+
+/// The tables in the making.
+pub struct Record {
+    findings: Table,
+    curves: Table,
 }
 
 /// A finding as it stands in the table; values are in the unit of the row.
@@ -29,33 +35,69 @@ struct Row<'a> {
     source: &'a str,
 }
 
-impl Record {
-    /// An empty table.
-    pub fn create(path: &Path) -> Result<Self> {
+/// A point of a plot; the labels name what x and y are, with their units.
+#[derive(Serialize)]
+struct Point<'a> {
+    case: &'a str,
+    panel: &'a str,
+    curve: &'a str,
+    x_label: &'a str,
+    y_label: &'a str,
+    x: f64,
+    y: f64,
+}
+
+impl Table {
+    fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|error| Error::file(path, "write", error))?;
         Ok(Self { path: path.to_path_buf(), writer: csv::Writer::from_writer(file) })
     }
 
-    /// Adds the findings of a case that took `wall` seconds; they are on disk when this returns.
-    pub fn add(&mut self, case: &Case, findings: &[Finding], wall: f64) -> Result<()> {
+    /// Adds rows; they are on disk when this returns.
+    fn add<T: Serialize>(&mut self, rows: impl Iterator<Item = T>) -> Result<()> {
         let failed = |error: csv::Error| Error::Run(format!("cannot write {}: {error}", self.path.display()));
-        for finding in findings {
-            let row = Row {
-                group: case.group,
-                case: case.name,
-                quantity: &finding.quantity,
-                unit: finding.unit,
-                expected: finding.expected,
-                measured: finding.measured,
-                lowest_allowed: finding.allowed[0],
-                highest_allowed: finding.allowed[1],
-                order: finding.order,
-                passes: finding.passes(),
-                case_wall_time_s: wall,
-                source: case.source,
-            };
+        for row in rows {
             self.writer.serialize(row).map_err(failed)?;
         }
         self.writer.flush().map_err(|error| failed(error.into()))
+    }
+}
+
+impl Record {
+    /// Empty tables in a folder.
+    pub fn create(folder: &Path) -> Result<Self> {
+        let findings = Table::create(&folder.join("verification.csv"))?;
+        Ok(Self { findings, curves: Table::create(&folder.join("curves.csv"))? })
+    }
+
+    /// Adds what a case gave in `wall` seconds.
+    pub fn add(&mut self, case: &Case, outcome: &Outcome, wall: f64) -> Result<()> {
+        self.findings.add(outcome.findings.iter().map(|finding| Row {
+            group: case.group,
+            case: case.name,
+            quantity: &finding.quantity,
+            unit: finding.unit,
+            expected: finding.expected,
+            measured: finding.measured,
+            lowest_allowed: finding.allowed[0],
+            highest_allowed: finding.allowed[1],
+            order: finding.order,
+            passes: finding.passes(),
+            case_wall_time_s: wall,
+            source: case.source,
+        }))?;
+        self.curves.add(outcome.panels.iter().flat_map(|panel| {
+            panel.curves.iter().flat_map(move |curve| {
+                curve.points.iter().map(move |(x, y)| Point {
+                    case: case.name,
+                    panel: &panel.title,
+                    curve: &curve.name,
+                    x_label: &panel.labels[0],
+                    y_label: &panel.labels[1],
+                    x: *x,
+                    y: *y,
+                })
+            })
+        }))
     }
 }

@@ -85,7 +85,8 @@ def _heat(described: str | Mapping[str, Any]):
     kind, value = _variant(described)
     match kind:
         case "temperature":
-            return data.Temperature(value)
+            _, prescribed = _variant(value)
+            return data.Temperature(np.array(prescribed, dtype=float))
         case "newton":
             return data.Newton(value["coefficient"], value["temperature"])
         case "adiabatic":

@@ -136,7 +136,8 @@ def hold_heat(problem: Problem, conditions: Sequence[Condition]) -> tuple[Floats
     for condition in conditions:
         if isinstance(condition.heat, Temperature):
             nodes = np.unique(problem.boundaries[condition.boundary])
-            free[nodes], value[nodes] = 0, condition.heat.value
+            free[nodes] = 0
+            value[nodes, 0] = np.broadcast_to(condition.heat.value, count)[nodes]
     return free, value
 
 

@@ -50,9 +50,9 @@ class Open:
 
 @dataclass(frozen=True)
 class Temperature:
-    """Prescribed temperature, K."""
+    """Prescribed temperature, one number or one per node of the mesh, K."""
 
-    value: float
+    value: Floats
 
 
 @dataclass(frozen=True)

@@ -179,19 +179,4 @@ mod tests {
             + 1.75 * phi * 1.2 * speed * speed / (eps.powi(3) * 1e-3);
         assert_relative_eq!(gradient, ergun, max_relative = 1e-12);
     }
-
-    #[test]
-    fn henry_follows_wakao_in_a_packed_bed() {
-        // Within -7.5 % to +6.3 % for air (Pr = 0.71), 15 <= Re_s <= 8500 and eps = 0.45.
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for k in 0..=400 {
-            let reynolds = 15.0 * (8500.0f64 / 15.0).powf(k as f64 / 400.0);
-            let x = around(reynolds * 2e-5 / (1.2 * 1e-3 * 0.45), 0.45);
-            let ratio = HeatTransfer::Henry.nusselt(&x, 0.71, VoidageFunction::Henry)
-                / HeatTransfer::Wakao.nusselt(&x, 0.71, VoidageFunction::None);
-            (low, high) = (low.min(ratio - 1.0), high.max(ratio - 1.0));
-        }
-        assert_relative_eq!(low, -0.0749, epsilon = 1e-4);
-        assert_relative_eq!(high, 0.0633, epsilon = 1e-4);
-    }
 }

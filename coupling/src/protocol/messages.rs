@@ -7,8 +7,7 @@ use super::columns::{only_if, wrong};
 use super::text::{numbers_for_text, write_text};
 use super::{
     ACCEPT, Column, HEAT, Header, Kind, Layout, MOVES, MotionPlaces, PiecePlaces, SOLUTION, STEP,
-    STEP_CONTINUITY, STEP_HEAT,
-    read_text,
+    STEP_CONTINUITY, STEP_HEAT, read_text,
 };
 use crate::backend::{FluidReport, FluidStep, GrainLoad, Immersed};
 use crate::error::PeerError;

@@ -2,5 +2,11 @@
 
 use super::Case;
 
+mod fluidisation;
+mod plateau;
+mod schumann;
+mod settling;
+mod wakao;
+
 /// The cases of this group.
-pub const CASES: &[Case] = &[];
+pub const CASES: &[Case] = &[wakao::CASE, schumann::CASE, settling::CASE, fluidisation::CASE, plateau::CASE];

@@ -2,7 +2,24 @@
 
 use super::Case;
 
+mod cavity;
+mod convection;
 mod hele_shaw;
+mod immersed;
+mod manufactured;
+mod orders;
+mod rayleigh;
+mod stefan;
+mod taylor_green;
 
 /// The cases of this group.
-pub const CASES: &[Case] = &[hele_shaw::CASE];
+pub const CASES: &[Case] = &[
+    orders::SPACE,
+    orders::TIME,
+    taylor_green::CASE,
+    hele_shaw::CASE,
+    cavity::CASE,
+    convection::CASE,
+    rayleigh::CASE,
+    stefan::CASE,
+];
