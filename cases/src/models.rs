@@ -122,6 +122,7 @@ impl FluidSet {
             conditions: self.conditions.clone(),
             ramp: 0.0,
             nodal_volume,
+            motion: None,
         })
     }
 
@@ -271,7 +272,7 @@ pub fn three_per_cell(mesh: &Mesh<2>) -> Vec<Vec2> {
 pub fn steps_alone(fluid: &mut Fluid<2>, dt: f64, count: u64) -> Result<()> {
     for number in 1..=count {
         let time = (number - 1) as f64 * dt;
-        let step = FluidStep { number, time, dt, grains: None, conditions: &fluid.conditions };
+        let step = FluidStep { number, time, dt, grains: None, conditions: &fluid.conditions, motion: None };
         fluid.backend.solve(&step, &mut AtBodies::default())?;
         fluid.backend.accept();
     }

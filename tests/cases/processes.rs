@@ -6,7 +6,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
-use voidage_coupling::backend::{FluidBackend, FluidStep, GrainLoad, HeatLoad, Immersed};
+use voidage_coupling::backend::{FluidStep, GrainLoad, HeatLoad, Immersed};
 use voidage_coupling::launch::Host;
 use voidage_coupling::overlap::{self, Overlap};
 use voidage_coupling::protocol::{Header, Kind};

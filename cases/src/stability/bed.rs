@@ -187,13 +187,13 @@ impl Bed {
         set.with_grains(set.build(mesh, start)?, grains, set.laws(None), scheme)
     }
 
-    /// Means over the last fifth of a number of steps.
-    fn means(&self, system: &mut Coupled<2>, dt: f64, steps: usize) -> Result<Means> {
-        let last = (steps / 5).max(1);
-        let (mut drop, mut force, mut floor, mut solves, mut before) = (0.0, 0.0, 0.0, 0, 0.0);
-        for step in 0..steps {
-            if step == steps - last {
-                before = momentum(system);
+    /// The last of a number of steps, with the grains as they were before it.
+    fn last(&self, system: &mut Coupled<2>, dt: f64, steps: usize) -> Result<Last> {
+        let mut solves = 0;
+        let mut before = Particles::default();
+        for step in 1..=steps {
+            if let (true, Some(grains)) = (step == steps, &system.grains) {
+                before = grains.particles.clone();
             }
             let report = system.step(dt)?;
             solves += report.agreement.map_or(1, |agreement| agreement.solves);
@@ -201,16 +201,19 @@ impl Bed {
             if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > RUNAWAY {
                 return Err(Error::Run("the grains run away".into()));
             }
-            if step >= steps - last {
-                drop += pressure_drop(system)?;
-                force += system.interaction.iter().flat_map(|both| &both.force).map(|f| f.y).sum::<f64>();
-                floor -= system.grains.as_ref().map_or(0.0, |grains| grains.wall_force()[0].y);
-            }
         }
         let width = WIDTH as f64 * self.diameter;
-        let gain = (momentum(system) - before) / (last as f64 * dt * width);
-        let (force, floor) = (force / (last as f64 * width), floor / (last as f64 * width));
-        Ok(Means { drop: drop / last as f64, force, gain, floor, solves: solves as f64 / steps as f64 })
+        let after = system.grains.as_ref().map_or(0.0, |grains| momentum(&grains.particles));
+        let floor = system.grains.as_ref().map_or(0.0, |grains| -grains.wall_force()[0].y);
+        let force = system.interaction.iter().flat_map(|both| &both.force).map(|f| f.y).sum::<f64>();
+        Ok(Last {
+            drop: pressure_drop(system)?,
+            force: force / width,
+            gain: (after - momentum(&before)) / (dt * width),
+            floor: floor / width,
+            solves: solves as f64 / steps as f64,
+            before,
+        })
     }
 
     fn run(&self, [ratio, step]: [f64; 2], scheme: SchemeName) -> Result<Sample> {
@@ -223,16 +226,15 @@ impl Bed {
         let mut free = self.system((&lying.particles, &lying.material), speed, scheme, (false, tolerance))?;
         let steps = (5.0 / step).ceil().clamp(40.0, 5000.0) as usize;
         let lost = Sample { verdict: Verdict::Unstable, measured: f64::NAN, expected: 1.0, solves: 1.0 };
-        let Ok(means) = self.means(&mut free, step * relaxation, steps) else { return Ok(lost) };
-        let Some(moved) = free.grains else { return Ok(lost) };
-        let mut held = self.system((&moved.particles, &lying.material), speed, scheme, (true, tolerance))?;
-        let law = self.means(&mut held, step * relaxation, steps)?;
+        let Ok(end) = self.last(&mut free, step * relaxation, steps) else { return Ok(lost) };
+        let mut held = self.system((&end.before, &lying.material), speed, scheme, (true, tolerance))?;
+        let law = self.last(&mut held, step * relaxation, steps)?;
         // A bed that rises takes its weight, what its momentum grows by, and not what some grains left on the floor.
-        let carried = if ratio > 1.0 { lying.weight + means.gain - means.floor } else { lying.weight };
+        let carried = if ratio > 1.0 { lying.weight + end.gain - end.floor } else { lying.weight };
         // The mean pressure of the nodes on the floor differs from the force on the floor by the error of the mesh, the
         // same for the grains when they are held.
-        let measured = means.drop * law.force / law.drop / law.force.min(carried);
-        Ok(Sample::judge(measured.abs() < 1e3, measured, 1.0, ALLOWED, means.solves))
+        let measured = end.drop * law.force / law.drop / law.force.min(carried);
+        Ok(Sample::judge(measured.abs() < 1e3, measured, 1.0, ALLOWED, end.solves))
     }
 
     /// Whether a scheme should pass; none where there is no theory.
@@ -252,8 +254,8 @@ impl Bed {
     }
 }
 
-/// Means over the end of a run.
-struct Means {
+/// The last step of a run.
+struct Last {
     /// Pressure drop, Pa.
     drop: f64,
     /// Upward force of the fluid on the grains per width, Pa.
@@ -264,12 +266,13 @@ struct Means {
     floor: f64,
     /// Solutions of the fluid per step.
     solves: f64,
+    /// The grains before it, where the fluid saw them.
+    before: Particles<2>,
 }
 
 /// Upward momentum of the grains, kg m/s.
-fn momentum(system: &Coupled<2>) -> f64 {
-    let particles = system.grains.iter().map(|grains| &grains.particles);
-    particles.flat_map(|p| p.mass.iter().zip(&p.velocity)).map(|(mass, v)| mass * v.y).sum()
+fn momentum(particles: &Particles<2>) -> f64 {
+    particles.mass.iter().zip(&particles.velocity).map(|(mass, v)| mass * v.y).sum()
 }
 
 /// Mean pressure on the bottom less that on the top, Pa.

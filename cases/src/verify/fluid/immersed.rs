@@ -74,6 +74,7 @@ impl Immersed {
             drag: &self.drag,
             mobility: &self.mobility,
             velocity: &self.velocity,
+            continuity: None,
             heat: Some(HeatExchange {
                 coefficient: &self.coefficient,
                 mobility: &self.heat_mobility,

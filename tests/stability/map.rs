@@ -1,0 +1,97 @@
+//! The quick map: the default scheme passes everywhere, the others fail where theory says; and what all schemes keep.
+
+use std::path::Path;
+use voidage::stability::{Axis, Verdict, axes, sample};
+use voidage::verify::Effort;
+use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::iterated::{Iterated, Iteration};
+use voidage_coupling::scheme::relaxation::Relaxation;
+use voidage_coupling::{Coupled, Scene, Simulation};
+use voidage_fluid::Vector;
+
+fn misses(axis: &Axis, scheme: SchemeName) -> Vec<String> {
+    let mut misses = Vec::new();
+    for point in (axis.points)(Effort::Quick) {
+        let sample = sample(axis, point, scheme, Effort::Quick);
+        let wanted = if scheme == SchemeName::default() { Some(true) } else { (axis.theory)(point, scheme) };
+        if wanted.is_some_and(|wanted| wanted != (sample.verdict == Verdict::Passes)) {
+            misses.push(format!("{} at {point:?} with {scheme}: {sample:?}", axis.name));
+        }
+    }
+    misses
+}
+
+#[test]
+fn the_default_scheme_passes_every_point() {
+    let misses: Vec<String> = axes().iter().flat_map(|axis| misses(axis, SchemeName::default())).collect();
+    assert!(misses.is_empty(), "{}", misses.join("\n"));
+}
+
+/// Single modes, where theory is exact.
+#[test]
+fn the_other_schemes_fail_where_theory_says() {
+    let modes = axes().into_iter().filter(|axis| !axis.name.starts_with("bed"));
+    let others = SchemeName::ALL.into_iter().filter(|scheme| *scheme != SchemeName::default());
+    let pairs: Vec<(Axis, SchemeName)> =
+        modes.flat_map(|axis| others.clone().map(move |scheme| (axis, scheme))).collect();
+    let misses: Vec<String> = pairs.iter().flat_map(|(axis, scheme)| misses(axis, *scheme)).collect();
+    assert!(misses.is_empty(), "{}", misses.join("\n"));
+}
+
+/// A small bed that falls a little and is blown through.
+fn bed() -> Simulation {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases/bed.toml");
+    Simulation::new(&Scene::read(&path, &[]).expect("a scene")).expect("a bed")
+}
+
+fn step(coupled: &mut Coupled<2>, dt: f64) -> Vector<2> {
+    coupled.step(dt).expect("a step");
+    let interaction = coupled.interaction.as_ref().expect("both");
+    let lost = (0..interaction.force.len()).map(|i| interaction.load.force(&interaction.at, i));
+    lost.sum::<Vector<2>>() * dt
+}
+
+/// What the fluid has lost is what the grains got and what is carried: over all steps, not only in each.
+#[test]
+fn no_momentum_is_lost_over_time() {
+    let mut simulation = bed();
+    let coupled = simulation.coupled_mut();
+    coupled.set_scheme(SchemeName::Anchored.build(&Iteration::default()));
+    let (dt, mut lost, mut got, mut scale) = (2e-3, Vector::<2>::zeros(), Vector::<2>::zeros(), 0.0);
+    let mut most = 0.0f64;
+    for _ in 0..60 {
+        lost += step(coupled, dt);
+        let interaction = coupled.interaction.as_ref().expect("both");
+        got += interaction.force.iter().sum::<Vector<2>>() * dt;
+        scale += interaction.force.iter().map(|force| force.norm()).sum::<f64>() * dt;
+        let carried: Vector<2> = interaction.carried.as_ref().expect("carried").impulse.iter().sum();
+        assert!((lost - got + carried).norm() < 1e-12 * scale, "{lost} {got} {carried}");
+        most = most.max(carried.norm() / scale);
+    }
+    assert!(most > 1e-9, "nothing was carried: the test tests nothing");
+}
+
+/// Whatever the relaxation, a step solved to the last digits is the same step.
+#[test]
+fn all_relaxations_lead_to_the_same_step() {
+    let solved = |relaxation: Relaxation| {
+        let mut simulation = bed();
+        let coupled = simulation.coupled_mut();
+        let iteration = Iteration { tolerance: 1e-9, most: 100, relaxation, auto: false };
+        coupled.set_scheme(Box::new(Iterated::new(iteration)));
+        let mut solves = 0;
+        for _ in 0..5 {
+            let agreement = coupled.step(1e-3).expect("a step").agreement.expect("both");
+            assert!(agreement.converged, "{relaxation:?}: {agreement:?}");
+            solves += agreement.solves;
+        }
+        assert!(solves > 5, "{relaxation:?} had nothing to do");
+        coupled.grains.as_ref().expect("grains").particles.position.clone()
+    };
+    let reference = solved(Relaxation::IqnIls);
+    for relaxation in [Relaxation::Aitken, Relaxation::Constant(1.0), Relaxation::Constant(0.7)] {
+        for (x, y) in solved(relaxation).iter().zip(&reference) {
+            assert!((x - y).norm() < 1e-8, "{relaxation:?}: {x} against {y}");
+        }
+    }
+}
