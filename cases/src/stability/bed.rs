@@ -10,7 +10,7 @@ use crate::verify::Effort;
 use voidage_coupling::closure::{Surroundings, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Error, Result};
-use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use voidage_dem::packing::{Amount, Fill, Lattice, Radii, Region, lattice};
 use voidage_dem::{Dem, Load, Material, Motion, Particles, Settings, Wall};
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
 
@@ -66,7 +66,8 @@ const TOLERANCE: f64 = 1e-6;
 const RUNAWAY: f64 = 30.0;
 /// Steps in which a bed comes to rest.
 const SETTLING: usize = 300;
-const COUNT: usize = 140;
+/// Height of the bed in diameters.
+const ROWS: f64 = 9.0;
 /// Width and height of the box, and side of the squares of the mesh, in diameters.
 const WIDTH: usize = 14;
 const HEIGHT: usize = 28;
@@ -114,11 +115,12 @@ impl Bed {
     fn lie(&self) -> Result<Lying> {
         let material = Material { density: self.solid, friction: 0.3, solidity: 0.65, ..Material::default() };
         let (width, d) = (WIDTH as f64 * self.diameter, self.diameter);
-        let region = Region { low: Vec2::zeros(), high: Vec2::new(width, HEIGHT as f64 * d) };
-        let radii = Radii::Uniform { min: 0.45 * d, max: 0.55 * d };
+        // Rows that touch the side walls: no grain rattles, which would be lifted alone.
+        let region = Region { low: Vec2::zeros(), high: Vec2::new(width, ROWS * d) };
         let materials = std::slice::from_ref(&material);
-        let fill = Fill { radii, amount: Amount::Count(COUNT), material: 0, materials, seed: 7 };
-        let loose = deposit(&region, &fill, &Deposit::default())?.particles;
+        let radii = Radii::Constant(0.5 * d * (1.0 - 1e-9));
+        let fill = Fill { radii, amount: Amount::Fill, material: 0, materials, seed: 0 };
+        let loose = lattice(&region, Lattice::Triangular, 1.0, &fill)?;
         let mut dry = self.grains(loose, &material, TOLERANCE)?;
         // At rest for good: in steps of free fall over a tenth of a diameter.
         let step = (0.2 * d / self.gravity()).sqrt();
