@@ -142,7 +142,7 @@ fn run(effort: Effort) -> Result<Outcome> {
                 format!("(W - {shift:.1} d)^1.5"),
                 curve([4.0, openings[openings.len() - 1] + 1.0], law),
             ),
-            Curve::points(format!("{seeds} seeds"), points),
+            Curve::points("one silo each", points),
         ],
         ..Panel::log_log("Flow out of a silo", "opening W / d", "discs per \u{221a}(d/g)")
     };

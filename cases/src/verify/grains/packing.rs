@@ -136,7 +136,7 @@ fn lens(distance: f64, a: f64, b: f64) -> f64 {
 }
 
 fn run(effort: Effort) -> Result<Outcome> {
-    let (count, seeds) = effort.pick((200, 2), (2000, 5));
+    let (count, seeds) = effort.pick((200, 2), (800, 5));
     let packings =
         (0..seeds).into_par_iter().map(|seed| compress(count, seed)).collect::<Result<Vec<_>>>()?;
     let of = |f: &dyn Fn(&Packed) -> f64| packings.iter().map(f).collect::<Vec<f64>>();
