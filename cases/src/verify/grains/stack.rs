@@ -126,7 +126,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     let counts = Panel {
         curves: vec![
             Curve::line("theory, plain", theory),
-            Curve::dashes("first order", linear),
+            Curve::dashes("as N", linear),
             Curve::points("plain", plain),
             Curve::points("with momentum", fast),
         ],
