@@ -186,7 +186,8 @@ pub fn hot_grains(
     Ok(Dem::new(heated, vec![], vec![material], settings)?)
 }
 
-fn alike(position: Vec<Vec2>, radius: f64, material: &Material) -> Result<Particles<2>> {
+/// The grains alone.
+pub fn alike(position: Vec<Vec2>, radius: f64, material: &Material) -> Result<Particles<2>> {
     let count = position.len();
     let materials = std::slice::from_ref(material);
     Ok(Particles::new(position, vec![radius; count], vec![0; count], materials)?)

@@ -19,7 +19,7 @@ pub struct Cohesion {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Acceleration {
-    /// Plain sweeps: on a stack of N from a cold start the error falls by cos^2(pi / (2 N + 1)) a sweep.
+    /// Plain sweeps: on a stack of N from a cold start the error falls by cos^2(pi / (2 N)) a sweep.
     None,
     /// Momentum with restart.
     #[default]

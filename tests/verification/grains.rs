@@ -1,10 +1,12 @@
-//! Exact oracles of the grains: statics, friction, rolling, impacts, drag. The value expected is derived or cited at each test.
+//! The grains: the quick forms of `voidage verify`, and behaviour that is no number of theirs. The value expected is
+//! derived or cited at each test.
 
 mod grains_heat;
 mod grains_identity;
 
 use approx::assert_relative_eq;
-use voidage_dem::{Acceleration, Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};
+use voidage_dem::{Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};
+use voidage_tests::verify_quickly;
 
 type V = Vector<2>;
 const G: f64 = 9.81;
@@ -37,59 +39,9 @@ fn stack(n: usize, settings: Settings<2>) -> Dem<2> {
     Dem::new(discs(x, 0.5, &material), vec![floor(0.0)], vec![material], settings).unwrap()
 }
 
-/// Relative error (2-norm) of the contact forces of a stack: contact k from below carries (N - k) m g, k = 0 .. N - 1.
-fn stack_error(dem: &Dem<2>) -> f64 {
-    let n = dem.particles.len();
-    let weight = dem.particles.mass[0] * G;
-    let mut force = vec![0.0; n];
-    for c in dem.contacts() {
-        let upper = match c.partner {
-            voidage_dem::Partner::Wall(_) => 0,
-            voidage_dem::Partner::Grain(j) => c.grain.max(j) as usize,
-        };
-        force[upper] = c.force.norm();
-    }
-    let exact = |k: usize| (n - k) as f64 * weight;
-    let error: f64 = (0..n).map(|k| (force[k] - exact(k)).powi(2)).sum();
-    (error / (0..n).map(|k| exact(k).powi(2)).sum::<f64>()).sqrt()
-}
-
 #[test]
-fn a_stack_carries_its_weight() {
-    let mut dem = stack(100, precise());
-    let report = dem.step(1e-3, &Load::default());
-    assert!(report.converged, "{report:?}");
-    assert!(stack_error(&dem) < 1e-8, "{}", stack_error(&dem));
-    assert_relative_eq!(dem.wall_force()[0][1], -100.0 * dem.particles.mass[0] * G, max_relative = 1e-8);
-    // At rest, gravity and contacts balance on each grain.
-    for (f, m) in dem.contact_force().iter().zip(&dem.particles.mass) {
-        assert_relative_eq!(f[1], m * G, max_relative = 1e-5);
-    }
-}
-
-/// Plain Gauss-Seidel on a stack: the Delassus matrix is tridiag(-1, 2, -1) / m but for the floor contact, whose diagonal
-/// is 1 / m (the floor does not move). Jacobi's iteration is then a random walk on 0 .. N - 1, absorbed above and turned
-/// back at 0 with certainty: its eigenvectors cos(k pi / (2 N)) vanish at k = N, the eigenvalue is cos(pi / (2 N)).
-/// The matrix is consistently ordered, so Gauss-Seidel has its square, cos^2(pi / (2 N)), in any order of the contacts.
-/// (With 2 / m on the whole diagonal it would be cos^2(pi / (2 N + 1)); N = 2 by hand: 1/2.)
-#[test]
-fn plain_sweeps_contract_as_theory_says() {
-    let n = 20;
-    let error = |sweeps: usize| {
-        let plain =
-            Settings { tolerance: 1e-300, max_sweeps: sweeps, acceleration: Acceleration::None, ..precise() };
-        let mut dem = stack(n, plain);
-        let report = dem.step(1e-3, &Load::default());
-        assert_eq!(report.sweeps, sweeps);
-        assert!(!report.converged);
-        stack_error(&dem)
-    };
-    let rate = error(901) / error(900);
-    let theory = (std::f64::consts::PI / (2 * n) as f64).cos().powi(2);
-    assert_relative_eq!(rate, theory, max_relative = 1e-6);
-    let first = (1..2000).collect::<Vec<_>>().partition_point(|k| error(*k) > 1e-4) + 1;
-    println!("rate {rate:.8}, sweeps to 1e-4: {first}");
-    assert!((1400..1650).contains(&first), "{first}");
+fn the_grains_of_the_suite() {
+    verify_quickly("grains");
 }
 
 #[test]
@@ -102,76 +54,6 @@ fn warm_starts_need_no_sweeps_at_rest() {
     warm.restore(dem.state()).unwrap();
     let report = warm.step(0.5e-3, &Load::default());
     assert_eq!((report.sweeps, report.converged), (0, true));
-}
-
-/// A disc on a slope: it rolls with 2/3 g sin iff tan <= 3 mu, else it slips with g (sin - mu cos), its spin
-/// growing by 2 mu g cos / r.
-#[test]
-fn a_disc_on_a_slope_rolls_or_slips() {
-    let (mu, r, dt, steps) = (0.2f64, 0.05, 1e-3, 50);
-    for slope in [0.3, 0.59, 0.61, 1.5f64] {
-        let (sin, cos) = slope.atan().sin_cos();
-        let material = rubbing(mu);
-        let settings = Settings { gravity: v(G * sin, -G * cos), ..precise() };
-        let grains = discs(vec![v(0.0, r)], r, &material).rotating();
-        let mut dem = Dem::new(grains, vec![floor(mu)], vec![material], settings).unwrap();
-        (0..steps).for_each(|_| assert!(dem.step(dt, &Load::default()).converged));
-        let time = steps as f64 * dt;
-        let speed = dem.particles.velocity[0];
-        let spin = dem.particles.rotation.as_ref().unwrap().spin[0];
-        let (a, alpha) = if slope <= 3.0 * mu {
-            (G * sin * 2.0 / 3.0, G * sin * 2.0 / 3.0 / r)
-        } else {
-            (G * (sin - mu * cos), 2.0 * mu * G * cos / r)
-        };
-        assert_relative_eq!(speed[0], a * time, max_relative = 1e-10);
-        assert_relative_eq!(spin, -alpha * time, max_relative = 1e-10);
-        assert!(speed[1].abs() < 1e-12);
-    }
-}
-
-/// A sliding disc ends rolling at 2/3 v0 after t = v0 / (3 mu g) and x = 5 v0^2 / (18 mu g).
-#[test]
-fn sliding_turns_into_rolling() {
-    let (mu, r, v0, dt) = (0.3, 0.1, 1.0, 1e-5);
-    let material = rubbing(mu);
-    let mut grains = discs(vec![v(0.0, r)], r, &material).rotating();
-    grains.velocity[0] = v(v0, 0.0);
-    let mut dem = Dem::new(grains, vec![floor(mu)], vec![material], precise()).unwrap();
-    let end = v0 / (3.0 * mu * G);
-    let slips = |dem: &Dem<2>| {
-        let spin = dem.particles.rotation.as_ref().unwrap().spin[0];
-        (dem.particles.velocity[0][0] + r * spin).abs() > 1e-9
-    };
-    while slips(&dem) {
-        dem.step(dt, &Load::default());
-    }
-    assert_relative_eq!(dem.time(), end, epsilon = 1.01 * dt);
-    assert_relative_eq!(dem.particles.velocity[0][0], 2.0 / 3.0 * v0, max_relative = 1e-10);
-    assert_relative_eq!(
-        dem.particles.position[0][0],
-        5.0 * v0 * v0 / (18.0 * mu * G),
-        epsilon = 1.01 * dt * v0
-    );
-}
-
-/// Two cylinders on the ground carry a third iff mu >= tan 15 deg = 0.267949 between them and >= a third of that,
-/// 0.0893164, on the ground (the ground carries three times the normal force of an upper contact, cos 30 : 1/2 ...:
-/// N_g = 3/2 m g, tangential m g tan 15 / 2).
-#[test]
-fn three_cylinders_stand_above_their_critical_friction() {
-    let sinks = |between: f64, ground: f64| {
-        let material = rubbing(between);
-        let top = v(0.0, 0.5 + 0.75f64.sqrt());
-        let grains = discs(vec![v(-0.5, 0.5), v(0.5, 0.5), top], 0.5, &material).rotating();
-        let mut dem = Dem::new(grains, vec![floor(ground)], vec![material], precise()).unwrap();
-        (0..100).for_each(|_| assert!(dem.step(1e-2, &Load::default()).converged));
-        top[1] - dem.particles.position[2][1]
-    };
-    assert!(sinks(0.26796, 0.0894) < 1e-6);
-    assert!(sinks(0.2679, 0.0894) > 1e-6);
-    assert!(sinks(0.2690, 0.0893) > 1e-6);
-    assert!(sinks(0.25, 1.0) > 0.01);
 }
 
 /// Momentum and, with restitution e, the relative velocity of an oblique impact follow Newton's law exactly:
@@ -213,24 +95,6 @@ fn gaps_close_without_overlap() {
             assert!(report.converged && report.max_penetration_over_radius < 1e-12, "{report:?}");
         }
         assert_relative_eq!(dem.particles.position[0][1], 0.5, epsilon = 1e-12);
-    }
-}
-
-/// Implicit drag alone: v' = v / (1 + gamma dt / m) each step, whatever gamma.
-#[test]
-fn implicit_drag_decays_exactly() {
-    let material = Material::default();
-    for stiffness in [1e-3, 1.0, 1e6] {
-        let mut grains = discs(vec![v(0.0, 0.0)], 0.5, &material);
-        grains.velocity[0] = v(3.0, -4.0);
-        let dt = 1e-3;
-        let gamma = stiffness * grains.mass[0] / dt;
-        let settings = Settings { gravity: V::zeros(), ..precise() };
-        let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
-        let load = Load { drag: &[gamma], ..Load::default() };
-        (0..3).for_each(|_| assert_eq!(dem.step(dt, &load).substeps, 1));
-        let factor = (1.0 + stiffness).powi(3);
-        assert_relative_eq!(dem.particles.velocity[0], v(3.0, -4.0) / factor, max_relative = 1e-12);
     }
 }
 
