@@ -154,11 +154,16 @@ fn panel(axis: &Axis, scheme: SchemeName, rows: &[Row]) -> Panel {
         let here = rows.iter().filter(|row| row.axis == axis.name && row.scheme == scheme);
         here.filter(|row| verdicts.contains(&row.verdict)).map(|row| (row.x, row.y)).collect::<Vec<_>>()
     };
+    // The legend names what is there; colours stay the same.
+    let points = |name: &str, verdicts: &[Verdict]| {
+        let points = of(verdicts);
+        Curve::points(if points.is_empty() { "" } else { name }, points)
+    };
     let mut panel = Panel::log_log(scheme.to_string(), axis.labels[0], axis.labels[1]);
     panel.curves = vec![
-        Curve::points("passes", of(&[Verdict::Passes])),
-        Curve::points("unstable", of(&[Verdict::Unstable, Verdict::Failed])),
-        Curve::points("stable, wrong", of(&[Verdict::Wrong])),
+        points("passes", &[Verdict::Passes]),
+        points("unstable", &[Verdict::Unstable, Verdict::Failed]),
+        points("stable, wrong", &[Verdict::Wrong]),
     ];
     let limit = boundary(axis, scheme, rows);
     if !limit.is_empty() {
