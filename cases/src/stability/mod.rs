@@ -85,9 +85,9 @@ pub fn stability(options: &Options) -> Result<u8> {
     for axis in &chosen {
         for point in points(axis) {
             for &scheme in &schemes {
-                progress.tell(done, axis.name);
                 done += 1;
                 if !record.has(axis, scheme, point) {
+                    progress.tell(done - 1, axis.name);
                     record.add(axis, scheme, point, &sample(axis, point, scheme, effort))?;
                 }
             }
