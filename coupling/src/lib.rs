@@ -354,11 +354,16 @@ impl<const D: usize> Coupled<D> {
     /// Makes the solution of the fluid the accepted one and moves the clock: the end of a step.
     pub fn accept(&mut self, dt: f64) {
         self.accept_part(dt);
+        self.end_step();
+    }
+
+    /// Counts a step whose parts have all been accepted.
+    pub(crate) fn end_step(&mut self) {
         self.steps += 1;
     }
 
-    /// The same for a part of a step that goes on.
-    pub fn accept_part(&mut self, dt: f64) {
+    /// The same for a part of a step.
+    pub(crate) fn accept_part(&mut self, dt: f64) {
         if let Some(fluid) = &mut self.fluid {
             fluid.backend.accept();
         }

@@ -217,9 +217,15 @@ const MISTAKES: &[Mistake] = &[
     mistake("part beyond its side", ["to = 6e-3", "to = 6.0"], "bottom", &["to = 6", "between"]),
     mistake(
         "unknown scheme",
-        ["scheme = \"henry\"", "scheme = \"henri\""],
+        ["scheme = \"iterated\"", "scheme = \"henri\""],
         "scheme",
         &["henri", "henry", "explicit"],
+    ),
+    mistake(
+        "relaxation of nothing",
+        ["scheme = \"iterated\"", "iteration = { relaxation = { constant = 0.0 } }"],
+        "iteration",
+        &["relaxation", "above 0 and at most 1"],
     ),
     mistake(
         "no step fits",

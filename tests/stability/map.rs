@@ -44,6 +44,23 @@ fn bed() -> Simulation {
     Simulation::new(&Scene::read(&path, &[]).expect("a scene")).expect("a bed")
 }
 
+/// A step too hard for the iterations allowed is done in parts, and ends at the same time.
+#[test]
+fn a_step_that_does_not_converge_is_halved() {
+    let solved = |auto: bool| {
+        let mut simulation = bed();
+        let coupled = simulation.coupled_mut();
+        let iteration = Iteration { tolerance: 1e-7, most: 2, auto, ..Iteration::default() };
+        coupled.set_scheme(Box::new(Iterated::new(iteration)));
+        let report = coupled.step(4e-3).expect("a step");
+        assert_eq!((coupled.steps(), coupled.time()), (1, 4e-3));
+        report.agreement.expect("both")
+    };
+    let (whole, parts) = (solved(false), solved(true));
+    assert!(!whole.converged && whole.complaint().is_some_and(|text| text.contains("auto")));
+    assert!(parts.solves > 4 && parts.disagreement < whole.disagreement, "{parts:?} {whole:?}");
+}
+
 fn step(coupled: &mut Coupled<2>, dt: f64) -> Vector<2> {
     coupled.step(dt).expect("a step");
     let interaction = coupled.interaction.as_ref().expect("both");

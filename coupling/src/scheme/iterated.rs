@@ -66,10 +66,11 @@ impl<const D: usize> Scheme<D> for Iterated<D> {
         if coupled.interaction.is_none() {
             coupled.solve_fluid(dt, &mut report)?;
             coupled.move_grains(dt, &mut report);
+            coupled.accept_part(dt);
         } else {
             self.advance(coupled, dt, HALVINGS, &mut report)?;
         }
-        coupled.accept(dt);
+        coupled.end_step();
         Ok(report)
     }
 }
@@ -81,7 +82,7 @@ impl<const D: usize> Iterated<D> {
         Self { iteration, push: Push::default(), answer: Push::default(), anchor: Anchor::default(), relaxer }
     }
 
-    /// Advances by `dt`, in halves if need be and allowed; all but the last part are accepted.
+    /// Advances by `dt`, in halves if need be and allowed, and accepts the parts.
     fn advance(
         &mut self,
         coupled: &mut Coupled<D>,
@@ -89,18 +90,22 @@ impl<const D: usize> Iterated<D> {
         halvings: u32,
         report: &mut StepReport,
     ) -> Result<()> {
+        let may_halve = self.iteration.auto && halvings > 0;
+        let accepted = coupled.interaction.as_ref().filter(|_| may_halve).map(|both| both.at.clone());
         let agreement = self.solve(coupled, dt, report)?;
-        if !agreement.converged && self.iteration.auto && halvings > 0 {
+        if let (false, Some(accepted)) = (agreement.converged, accepted) {
             coupled.grains.iter_mut().for_each(Dem::rewind);
+            // The halves start from the last accepted fluid, not from an answer that was none.
+            coupled.interaction.iter_mut().for_each(|both| both.at.clone_from(&accepted));
             let spent = agreement.solves;
             self.advance(coupled, 0.5 * dt, halvings - 1, report)?;
-            coupled.accept_part(0.5 * dt);
             let first = report.agreement.take();
             self.advance(coupled, 0.5 * dt, halvings - 1, report)?;
             report.agreement = report.agreement.take().map(|last| last.after(first.as_ref(), spent));
             return Ok(());
         }
         report.agreement = Some(settle(coupled, dt, &self.answer, agreement));
+        coupled.accept_part(dt);
         Ok(())
     }
 
