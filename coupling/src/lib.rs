@@ -362,7 +362,7 @@ impl<const D: usize> Coupled<D> {
         self.steps += 1;
     }
 
-    /// The same for a part of a step.
+    /// Makes the solution the accepted one and moves the clock by a part of a step.
     pub(crate) fn accept_part(&mut self, dt: f64) {
         if let Some(fluid) = &mut self.fluid {
             fluid.backend.accept();

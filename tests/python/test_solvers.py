@@ -18,6 +18,7 @@ from voidage.solver import (
     Pieces,
     Slip,
     Step,
+    Velocity,
 )
 
 from conftest import problem, scatter

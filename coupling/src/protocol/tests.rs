@@ -99,7 +99,7 @@ fn a_step_without_grains_and_heat_carries_nothing_of_them() {
     let step = FluidStep::<2> { number: 1, time: 0.0, dt: 0.1, grains: None, conditions: &[], motion: None };
     assert_eq!(StepMessage::new(&step, String::new()).header(false, 0).length, 0);
     let mut load = load(16);
-    load.heat = None;
+    (load.heat, load.continuity) = (None, None);
     let (position, radius) = (vec![Vector::zeros(); 16], vec![0.1; 16]);
     let grains = Some(Immersed { position: &position, radius: &radius, load: &load });
     let step = FluidStep { grains, ..step };
