@@ -19,6 +19,12 @@ impl<const D: usize> Carried<D> {
     pub fn none(grains: usize) -> Self {
         Self { impulse: vec![Vector::zeros(); grains], heat: vec![0.0; grains] }
     }
+
+    /// As many entries as grains, those that are new zero.
+    pub(crate) fn resize(&mut self, grains: usize) {
+        self.impulse.resize(grains, Vector::zeros());
+        self.heat.resize(grains, 0.0);
+    }
 }
 
 /// How far the grains are from what the fluid expected of them.

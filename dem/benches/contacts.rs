@@ -2,8 +2,6 @@
 //!
 //! `cargo bench -p voidage-dem`: ns per contact and sweep follow from the printed counts and the times.
 
-#![allow(missing_docs)]
-
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
 use voidage_dem::{Acceleration, Dem, Load, Material, Particles, Settings, StepReport, Vector, Wall};

@@ -44,6 +44,32 @@ fn bed() -> Simulation {
     Simulation::new(&Scene::read(&path, &[]).expect("a scene")).expect("a bed")
 }
 
+/// A scheme that follows another one starts from its own laws.
+#[test]
+fn henry_after_lagged_is_henry() {
+    let places = |first: SchemeName| {
+        let mut simulation = bed();
+        let coupled = simulation.coupled_mut();
+        let start = coupled.grains.as_ref().expect("grains").state();
+        let fields = coupled.fluid.as_mut().expect("fluid").backend.fields().expect("fields");
+        let at = coupled.interaction.as_ref().expect("both").at.clone();
+        coupled.set_scheme(first.build(&Iteration::default()));
+        coupled.step(1e-3).expect("a step");
+        // Back to the start, with the other scheme.
+        coupled.set_time(0.0, 0);
+        coupled.grains.as_mut().expect("grains").restore(start).expect("the same grains");
+        let fluid = coupled.fluid.as_mut().expect("fluid");
+        fluid.backend.start(&fluid.mesh, &fields).expect("the same mesh");
+        coupled.interaction.as_mut().expect("both").at = at;
+        coupled.set_scheme(SchemeName::Henry.build(&Iteration::default()));
+        for _ in 0..3 {
+            coupled.step(1e-3).expect("a step");
+        }
+        coupled.grains.as_ref().expect("grains").particles.position.clone()
+    };
+    assert_eq!(places(SchemeName::Lagged), places(SchemeName::Henry));
+}
+
 /// A step too hard for the iterations allowed is done in parts, and ends at the same time.
 #[test]
 fn a_step_that_does_not_converge_is_halved() {

@@ -31,6 +31,8 @@ pub struct Panel {
     pub labels: [String; 2],
     /// Which axes are logarithmic.
     pub log: [bool; 2],
+    /// Share of the height left free above the curves, for the legend.
+    pub headroom: f64,
     /// The curves; values that are not positive are left out on a logarithmic axis.
     pub curves: Vec<Curve>,
 }
@@ -99,7 +101,13 @@ impl Curve {
 impl Panel {
     /// A panel with linear axes and no curves.
     pub fn new(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
-        Self { title: title.into(), labels: [x.into(), y.into()], log: [false; 2], curves: Vec::new() }
+        Self {
+            title: title.into(),
+            labels: [x.into(), y.into()],
+            log: [false; 2],
+            headroom: 0.0,
+            curves: Vec::new(),
+        }
     }
 
     /// The same with logarithmic axes.
@@ -162,6 +170,7 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
     let curves: Vec<Vec<(f64, f64)>> = panel.curves.iter().map(|curve| places(panel, curve)).collect();
     let (left, right) = bounds(curves.iter().flatten().map(|point| point.0), panel.log[0]);
     let (low, high) = bounds(curves.iter().flatten().map(|point| point.1), panel.log[1]);
+    let high = high + panel.headroom * (high - low);
     let mut chart = ChartBuilder::on(area)
         .caption(&panel.title, text(19))
         .margin(pixels(10))

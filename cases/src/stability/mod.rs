@@ -160,6 +160,7 @@ fn panel(axis: &Axis, scheme: SchemeName, rows: &[Row]) -> Panel {
         Curve::points(if points.is_empty() { "" } else { name }, points)
     };
     let mut panel = Panel::log_log(scheme.to_string(), axis.labels[0], axis.labels[1]);
+    panel.headroom = 0.25;
     panel.curves = vec![
         points("passes", &[Verdict::Passes]),
         points("unstable", &[Verdict::Unstable, Verdict::Failed]),

@@ -29,6 +29,6 @@ mod _voidage {
     use crate::simulation::Simulation;
 
     #[pymodule_export]
-    #[allow(non_upper_case_globals)]
+    #[allow(non_upper_case_globals, reason = "the name that Python gives the version of a package")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }

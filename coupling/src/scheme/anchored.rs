@@ -46,7 +46,7 @@
 //! **Heat.** The same with temperatures: f becomes hA T, the response is that of the grains conducting through their
 //! contacts. Here the slope is the inverse of a symmetric matrix with the diagonal C/dt + hA + sum H, and M is one over
 //! that diagonal. It does not exceed the true diagonal of the inverse, so T* is a mean of temperatures with positive weights
-//! and stays within their bounds; the iteration always contracts.
+//! and stays within their bounds (what is carried, bounded by the tolerance, comes on top); the iteration always contracts.
 
 use crate::{Coupled, Interaction};
 use voidage_dem::{Bond, Bonds, Dem};

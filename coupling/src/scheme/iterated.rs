@@ -58,6 +58,8 @@ pub struct Iterated<const D: usize> {
     answer: Push<D>,
     anchor: Anchor,
     relaxer: Relaxer,
+    /// Room for what is carried next.
+    spare: Carried<D>,
 }
 
 impl<const D: usize> Scheme<D> for Iterated<D> {
@@ -79,7 +81,8 @@ impl<const D: usize> Iterated<D> {
     /// The scheme with these settings.
     pub fn new(iteration: Iteration) -> Self {
         let relaxer = Relaxer::new(iteration.relaxation);
-        Self { iteration, push: Push::default(), answer: Push::default(), anchor: Anchor::default(), relaxer }
+        let (push, answer) = (Push::default(), Push::default());
+        Self { iteration, push, answer, anchor: Anchor::default(), relaxer, spare: Carried::none(0) }
     }
 
     /// Advances by `dt`, in halves if need be and allowed, and accepts the parts.
@@ -104,7 +107,7 @@ impl<const D: usize> Iterated<D> {
             report.agreement = report.agreement.take().map(|last| last.after(first.as_ref(), spent));
             return Ok(());
         }
-        report.agreement = Some(settle(coupled, dt, &self.answer, agreement));
+        report.agreement = Some(self.settle(coupled, dt, agreement));
         coupled.accept_part(dt);
         Ok(())
     }
@@ -137,6 +140,34 @@ impl<const D: usize> Iterated<D> {
             if self.relaxer.improve(coupled, dt, &mut self.push, &self.answer) {
                 rehearse(coupled, dt, &self.push, report);
             }
+        }
+    }
+
+    /// Books what the grains got, and carries what the fluid did not lose for it.
+    fn settle(&mut self, coupled: &mut Coupled<D>, dt: f64, agreement: Agreement) -> Agreement {
+        let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else {
+            return agreement;
+        };
+        let (push, carried) = (&self.answer, &mut self.spare);
+        let moved = grains.mean_velocity();
+        carried.resize(moved.len());
+        for i in 0..moved.len() {
+            carried.impulse[i] = interaction.pending(moved[i], dt, i);
+            interaction.force[i] = push.force[i] - moved[i] * interaction.load.drag[i];
+        }
+        if let Some(law) = &interaction.load.heat {
+            let warmed = grains.mean_temperature();
+            for i in 0..warmed.len() {
+                carried.heat[i] = interaction.pending_heat(law, warmed[i], dt, i);
+                interaction.heat[i] = push.heat[i] - law.coefficient[i] * warmed[i];
+            }
+        }
+        let total = carried.impulse.iter().sum::<Vector<D>>().norm();
+        let scale = interaction.force.iter().map(|force| force.norm()).sum::<f64>() * dt;
+        std::mem::swap(carried, interaction.carried.get_or_insert_with(|| Carried::none(0)));
+        Agreement {
+            carried: if total == 0.0 { 0.0 } else { total / scale.max(f64::MIN_POSITIVE) },
+            ..agreement
         }
     }
 }
@@ -177,33 +208,4 @@ fn agreement<const D: usize>(coupled: &Coupled<D>, dt: f64) -> Agreement {
             comparison.heat(law, bounds, |i| interaction.pending_heat(law, warmed[i], dt, i) / dt);
     }
     agreement
-}
-
-/// Books what the grains got, and carries what the fluid did not lose for it.
-fn settle<const D: usize>(
-    coupled: &mut Coupled<D>,
-    dt: f64,
-    push: &Push<D>,
-    agreement: Agreement,
-) -> Agreement {
-    let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else {
-        return agreement;
-    };
-    let moved = grains.mean_velocity();
-    let mut carried = Carried::none(moved.len());
-    for i in 0..moved.len() {
-        carried.impulse[i] = interaction.pending(moved[i], dt, i);
-        interaction.force[i] = push.force[i] - moved[i] * interaction.load.drag[i];
-    }
-    if let Some(law) = &interaction.load.heat {
-        let warmed = grains.mean_temperature();
-        for i in 0..warmed.len() {
-            carried.heat[i] = interaction.pending_heat(law, warmed[i], dt, i);
-            interaction.heat[i] = push.heat[i] - law.coefficient[i] * warmed[i];
-        }
-    }
-    let total = carried.impulse.iter().sum::<Vector<D>>().norm();
-    let scale = interaction.force.iter().map(|force| force.norm()).sum::<f64>() * dt;
-    interaction.carried = Some(carried);
-    Agreement { carried: if total == 0.0 { 0.0 } else { total / scale.max(f64::MIN_POSITIVE) }, ..agreement }
 }

@@ -94,6 +94,8 @@ fn once<const D: usize>(
     coupled.cut_grains(&mut report)?;
     coupled.evaluate_closures(&mut report);
     if let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) {
+        // A scheme before this one may have left a law of its own for the solid flux.
+        interaction.load.continuity = None;
         predict(grains, interaction);
     }
     coupled.solve_fluid(dt, &mut report)?;
