@@ -31,7 +31,7 @@ pub(crate) struct Limits {
 }
 
 /// Iterations before the rate of convergence is trusted.
-const FORESEE_AFTER: usize = 4;
+const FORESEE_AFTER: usize = 2;
 
 /// What is solved, and the norm of the residual in which it is.
 #[derive(Clone, Copy)]
@@ -89,6 +89,11 @@ impl Gmres {
             iterations += made;
             too_slow = limits.foresee && made < steps && self.reduced[made].abs() > limits.tolerance;
         }
+    }
+
+    /// Weighted residual of what the last [`Gmres::solve`] left in x.
+    pub fn residual(&self) -> &[f64] {
+        &self.residual
     }
 
     /// One cycle from the weighted residual in `self.residual`, of length `norm`. Returns the number of

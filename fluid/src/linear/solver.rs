@@ -188,7 +188,7 @@ impl<const B: usize> Solver<B> {
         report.method = method;
         report.factored |= attempt != Attempt::Kept;
         report.iterations += iterations;
-        report.residual = self.norm.residual(matrix, rhs, x);
+        report.residual = Norm::relative::<B>(self.gmres.residual());
         let solved = report.residual <= options.tolerance;
         self.kept = matches!(attempt, Attempt::Kept | Attempt::Single)
             && iterations <= options.refactor_after
