@@ -25,7 +25,7 @@ pub const AXES: &[Axis] = &[
         title: "Pressure drop of a bed at rest over min(drag law, weight): 55 um grains in gas",
         source: "physics.md, section 5",
         labels: ["inflow / fluidisation velocity", "step / relaxation time of the grain"],
-        points: |effort| points(effort, &[1e-1, 1.0]),
+        points: |effort| points(effort, &[1e-1, 1.0], 1.0),
         run: |point, scheme, _| GAS.run(point, scheme),
         theory: |point, scheme| GAS.theory(point, scheme),
     },
@@ -34,17 +34,20 @@ pub const AXES: &[Axis] = &[
         title: "Pressure drop of a bed at rest over min(drag law, weight): 100 um grains in water",
         source: "physics.md, section 5",
         labels: ["inflow / fluidisation velocity", "step / relaxation time of the grain"],
-        points: |effort| points(effort, &[1e-1, 10.0]),
+        points: |effort| points(effort, &[1e-1, 10.0], 100.0),
         run: |point, scheme, _| LIQUID.run(point, scheme),
         theory: |point, scheme| LIQUID.theory(point, scheme),
     },
 ];
 
-/// Above fluidisation the bed rises by some diameters per relaxation time, so that longer steps have no steady bed.
-fn points(effort: Effort, few: &[f64]) -> Vec<[f64; 2]> {
+/// Above fluidisation up to the step in which a grain of the bed rises by about a diameter: beyond, there is no bed to speak of.
+fn points(effort: Effort, few: &[f64], longest: f64) -> Vec<[f64; 2]> {
     match effort {
         Effort::Quick => product(&[0.3], few),
-        Effort::Full => [product(&RATIOS, &STEPS), product(&[1.2, 1.5], &STEPS[1..4])].concat(),
+        Effort::Full => {
+            let rising = STEPS.iter().filter(|step| **step <= longest).copied().collect::<Vec<_>>();
+            [product(&RATIOS, &STEPS), product(&[1.2, 1.5], &rising)].concat()
+        }
     }
 }
 
@@ -70,7 +73,10 @@ const SETTLING: usize = 300;
 const ROWS: f64 = 9.0;
 /// Width and height of the box, and side of the squares of the mesh, in diameters.
 const WIDTH: usize = 14;
-const HEIGHT: usize = 28;
+const HEIGHT: usize = 32;
+/// Height of the floor above the inflow, in diameters: the pressure on the inflow is uniform there, whatever the mesh makes of
+/// the voidage on the floor.
+const FLOOR: f64 = 4.0;
 const SQUARE: usize = 1;
 
 /// A bed as it lies, and the numbers that follow from its mean voidage.
@@ -115,8 +121,9 @@ impl Bed {
     fn lie(&self) -> Result<Lying> {
         let material = Material { density: self.solid, friction: 0.3, solidity: 0.65, ..Material::default() };
         let (width, d) = (WIDTH as f64 * self.diameter, self.diameter);
+        let floor = FLOOR * d;
         // Rows that touch the side walls: no grain rattles, which would be lifted alone.
-        let region = Region { low: Vec2::zeros(), high: Vec2::new(width, ROWS * d) };
+        let region = Region { low: Vec2::new(0.0, floor), high: Vec2::new(width, floor + ROWS * d) };
         let materials = std::slice::from_ref(&material);
         let radii = Radii::Constant(0.5 * d * (1.0 - 1e-9));
         let fill = Fill { radii, amount: Amount::Fill, material: 0, materials, seed: 0 };
@@ -130,11 +137,11 @@ impl Bed {
         dry.particles.velocity.fill(Vec2::zeros());
         dry.particles.rotation.iter_mut().for_each(|rotation| rotation.spin.fill(0.0));
         let particles = dry.particles;
-        let top = particles.position.iter().fold(0.0, |top: f64, x| top.max(x.y + 0.5 * d));
-        let voidage = 1.0 - particles.volume.iter().sum::<f64>() / (width * top);
+        let height = particles.position.iter().fold(0.0, |top: f64, x| top.max(x.y + 0.5 * d)) - floor;
+        let voidage = 1.0 - particles.volume.iter().sum::<f64>() / (width * height);
         let weight = particles.mass.iter().sum::<f64>() * self.gravity() / width;
         let drop =
-            |speed: f64| (1.0 - voidage) * self.drag(speed, voidage) * speed / (voidage * voidage) * top;
+            |speed: f64| (1.0 - voidage) * self.drag(speed, voidage) * speed / (voidage * voidage) * height;
         let (mut low, mut high) = (0.0, 10.0);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
@@ -144,12 +151,12 @@ impl Bed {
     }
 
     fn grains(&self, particles: Particles<2>, material: &Material, tolerance: f64) -> Result<Dem<2>> {
-        let (width, height) = (WIDTH as f64 * self.diameter, HEIGHT as f64 * self.diameter);
+        let [width, floor, height] = [WIDTH as f64, FLOOR, HEIGHT as f64].map(|share| share * self.diameter);
         let corner = |x: f64, y: f64| Vec2::new(x, y);
         let walls = [
-            [corner(0.0, 0.0), corner(width, 0.0)],
-            [corner(0.0, 0.0), corner(0.0, height)],
-            [corner(width, 0.0), corner(width, height)],
+            [corner(0.0, floor), corner(width, floor)],
+            [corner(0.0, floor), corner(0.0, height)],
+            [corner(width, floor), corner(width, height)],
         ];
         let wall = |points| Wall {
             name: "box".into(),
@@ -189,33 +196,37 @@ impl Bed {
         set.with_grains(set.build(mesh, start)?, grains, set.laws(None), scheme)
     }
 
-    /// The last of a number of steps, with the grains as they were before it.
-    fn last(&self, system: &mut Coupled<2>, dt: f64, steps: usize) -> Result<Last> {
-        let mut solves = 0;
-        let mut before = Particles::default();
+    /// A number of steps: means over the last fifth of them, and the grains as they were before the last.
+    fn end(&self, system: &mut Coupled<2>, dt: f64, steps: usize) -> Result<End> {
+        let mut end = End::default();
+        let window = steps.div_ceil(5);
+        let mut momentum_before = 0.0;
         for step in 1..=steps {
-            if let (true, Some(grains)) = (step == steps, &system.grains) {
-                before = grains.particles.clone();
+            let averaged = step + window > steps;
+            if let Some(grains) = &system.grains {
+                if step + window == steps + 1 {
+                    momentum_before = momentum(&grains.particles);
+                }
+                if step == steps {
+                    end.before = grains.particles.clone();
+                }
             }
             let report = system.step(dt)?;
-            solves += report.agreement.map_or(1, |agreement| agreement.solves);
-            let fastest = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
-            if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > RUNAWAY {
+            end.solves += report.agreement.map_or(1, |agreement| agreement.solves) as f64 / steps as f64;
+            if averaged {
+                end.drop += pressure_drop(system)? / window as f64;
+            }
+            let Some(grains) = &system.grains else { continue };
+            if averaged {
+                end.floor -= grains.wall_force()[0].y / window as f64;
+            }
+            if grains.particles.velocity.iter().any(|v| v.norm() > RUNAWAY) {
                 return Err(Error::Run("the grains run away".into()));
             }
         }
-        let width = WIDTH as f64 * self.diameter;
-        let after = system.grains.as_ref().map_or(0.0, |grains| momentum(&grains.particles));
-        let floor = system.grains.as_ref().map_or(0.0, |grains| -grains.wall_force()[0].y);
-        let force = system.interaction.iter().flat_map(|both| &both.force).map(|f| f.y).sum::<f64>();
-        Ok(Last {
-            drop: pressure_drop(system)?,
-            force: force / width,
-            gain: (after - momentum(&before)) / (dt * width),
-            floor: floor / width,
-            solves: solves as f64 / steps as f64,
-            before,
-        })
+        let momentum = system.grains.as_ref().map_or(0.0, |grains| momentum(&grains.particles));
+        end.gain = (momentum - momentum_before) / (window as f64 * dt);
+        Ok(end)
     }
 
     fn run(&self, [ratio, step]: [f64; 2], scheme: SchemeName) -> Result<Sample> {
@@ -228,14 +239,19 @@ impl Bed {
         let mut free = self.system((&lying.particles, &lying.material), speed, scheme, (false, tolerance))?;
         let steps = (5.0 / step).ceil().clamp(40.0, 5000.0) as usize;
         let lost = Sample { verdict: Verdict::Unstable, measured: f64::NAN, expected: 1.0, solves: 1.0 };
-        let Ok(end) = self.last(&mut free, step * relaxation, steps) else { return Ok(lost) };
-        let mut held = self.system((&end.before, &lying.material), speed, scheme, (true, tolerance))?;
-        let law = self.last(&mut held, step * relaxation, steps)?;
-        // A bed that rises takes its weight, what its momentum grows by, and not what some grains left on the floor.
-        let carried = if ratio > 1.0 { lying.weight + end.gain - end.floor } else { lying.weight };
-        // The mean pressure of the nodes on the floor differs from the force on the floor by the error of the mesh, the
-        // same for the grains when they are held.
-        let measured = end.drop * law.force / law.drop / law.force.min(carried);
+        let Ok(end) = self.end(&mut free, step * relaxation, steps) else { return Ok(lost) };
+        let width = WIDTH as f64 * self.diameter;
+        let carried = match ratio > 1.0 {
+            // A bed in motion takes its weight and what its momentum and that of the fluid grow by; the flow through it
+            // being given, the fluid slows down where the grains speed up.
+            true => lying.weight + (end.gain * (1.0 - self.fluid / self.solid) - end.floor) / width,
+            false => {
+                let grains = (&end.before, &lying.material);
+                let mut held = self.system(grains, speed, scheme, (true, tolerance))?;
+                self.end(&mut held, step * relaxation, steps)?.drop.min(lying.weight)
+            }
+        };
+        let measured = end.drop / carried;
         Ok(Sample::judge(measured.abs() < 1e3, measured, 1.0, ALLOWED, end.solves))
     }
 
@@ -256,19 +272,18 @@ impl Bed {
     }
 }
 
-/// The last step of a run.
-struct Last {
+/// How a run ends.
+#[derive(Default)]
+struct End {
     /// Pressure drop, Pa.
     drop: f64,
-    /// Upward force of the fluid on the grains per width, Pa.
-    force: f64,
-    /// Growth of the grains' upward momentum per width, Pa.
+    /// Growth of the grains' upward momentum per time, N/m.
     gain: f64,
-    /// Force on the floor per width, Pa.
+    /// Force on the floor, N/m.
     floor: f64,
     /// Solutions of the fluid per step.
     solves: f64,
-    /// The grains before it, where the fluid saw them.
+    /// The grains before the last step, where the fluid saw them.
     before: Particles<2>,
 }
 
