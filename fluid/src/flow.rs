@@ -207,9 +207,11 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             None => self.sorted.clear(),
         }
         let mut report = Report::default();
-        let start = Instant::now();
-        self.solve_heat(dt, voidage, exchange, conditions, &mut report)?;
-        report.heat_s = start.elapsed().as_secs_f64();
+        if self.heat.is_some() {
+            let start = Instant::now();
+            self.solve_heat(dt, voidage, exchange, conditions, &mut report)?;
+            report.heat_s = start.elapsed().as_secs_f64();
+        }
         let start = Instant::now();
         self.project_solid_flux(exchange);
         for iteration in 0..self.newton {

@@ -1,18 +1,28 @@
-//! What a scene does not need is not there: columns, allocations, phases.
+//! What a scene does not need is not there: columns, allocations, calls, phases, bytes on the wire.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use voidage_coupling::{Scene, Simulation};
+use voidage_coupling::backend::{FluidBackend, FluidReport, FluidStep};
+use voidage_coupling::protocol::StepMessage;
+use voidage_coupling::scene::{Cohesion, Conduction, Coordinates, MeshMotion, ThinCell};
+use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::{Fluid, Result, Scene, Simulation};
+use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::flow::State;
+use voidage_fluid::mesh::Mesh;
 
 struct Counting;
 
 static BYTES: AtomicUsize = AtomicUsize::new(0);
+static CALLS: AtomicUsize = AtomicUsize::new(0);
 
 // SAFETY: hands every request to the system's allocator unchanged and only counts.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         BYTES.fetch_add(layout.size(), Ordering::Relaxed);
+        CALLS.fetch_add(1, Ordering::Relaxed);
         // SAFETY: the caller's contract is the system's.
         unsafe { System.alloc(layout) }
     }
@@ -60,6 +70,7 @@ fn what_a_scene_does_not_need_costs_nothing() {
     without_heat_there_is_no_temperature();
     without_fluid_there_is_no_mesh();
     without_grains_there_is_no_overlap();
+    each_part_costs_its_own();
 }
 
 fn without_heat_there_is_no_temperature() {
@@ -117,4 +128,225 @@ fn without_grains_there_is_no_overlap() {
     let phases = simulation.totals().phases;
     assert_eq!((phases.overlap, phases.closure, phases.contacts), (0.0, 0.0, 0.0));
     assert!(phases.flow > 0.0);
+}
+
+/// A part of a scene, how it is turned on, and what it then adds.
+struct Part {
+    name: &'static str,
+    on: fn(&mut Scene),
+    adds: Added,
+}
+
+/// What a part adds to a plain bed.
+#[derive(Default)]
+struct Added {
+    /// Numbers on the wire by grain and by node, in a step.
+    wire: [usize; 2],
+    /// Numbers in memory by grain and by node, at least.
+    memory: [usize; 2],
+    /// Whether a second linear system is solved.
+    energy: bool,
+    /// Whether the fluid loses heat to grains.
+    exchange: bool,
+}
+
+/// A step of a scene as it is counted.
+struct Counted {
+    grains: usize,
+    nodes: usize,
+    /// Bytes in use after it.
+    bytes: usize,
+    /// Allocations of a step when all buffers have been made.
+    allocations: usize,
+    /// Numbers that it would send to another process.
+    wire: usize,
+    /// Solutions of the fluid, iterations of its energy equation, numbers of heat that came back.
+    calls: [usize; 3],
+    phases: Vec<&'static str>,
+}
+
+const PARTS: &[Part] = &[
+    Part {
+        name: "rotation",
+        on: |scene| contacts(scene).rotation = true,
+        // Spin; angles are not integrated.
+        adds: Added { memory: [1, 0], ..NOTHING },
+    },
+    Part {
+        name: "friction",
+        on: |scene| scene.materials.values_mut().for_each(|material| material.friction = 0.3),
+        adds: NOTHING,
+    },
+    Part {
+        name: "cohesion",
+        on: |scene| contacts(scene).cohesion = Some(Cohesion { force: 1e-6, steps: 2 }),
+        adds: NOTHING,
+    },
+    Part {
+        name: "heat of the grains",
+        on: |scene| scene.grains.iter_mut().for_each(|group| group.temperature = Some(350.0)),
+        // Temperature and capacity.
+        adds: Added { memory: [2, 0], ..NOTHING },
+    },
+    Part {
+        name: "heat of grains and contacts",
+        on: |scene| {
+            scene.grains.iter_mut().for_each(|group| group.temperature = Some(350.0));
+            contacts(scene).conduction = Some(Conduction::Henry);
+        },
+        adds: Added { memory: [2, 0], ..NOTHING },
+    },
+    Part {
+        name: "thin cell",
+        on: |scene| fluid(scene).thin_cell = Some(ThinCell { drag: 1.0, heat: None }),
+        adds: NOTHING,
+    },
+    Part {
+        name: "moving mesh",
+        on: |scene| {
+            fluid(scene).mesh_motion =
+                Some(MeshMotion { amplitude: Coordinates(vec![1e-9, 0.0]), frequency: 5.0, boundary: None });
+        },
+        // Places and velocities; too small a motion to change the pieces of the grains.
+        adds: Added { wire: [0, 4], memory: [0, 4], ..NOTHING },
+    },
+    Part {
+        name: "lagged: a second law",
+        on: |scene| coupling(scene).scheme = SchemeName::Lagged,
+        adds: Added { wire: [3, 0], memory: [3, 0], ..NOTHING },
+    },
+    Part {
+        name: "iterated: two laws, what is carried",
+        on: |scene| coupling(scene).scheme = SchemeName::Iterated,
+        adds: Added { wire: [3, 0], memory: [5, 0], ..NOTHING },
+    },
+];
+
+const NOTHING: Added = Added { wire: [0; 2], memory: [0; 2], energy: false, exchange: false };
+
+fn contacts(scene: &mut Scene) -> &mut voidage_coupling::scene::Contacts {
+    scene.contacts.get_or_insert_default()
+}
+
+fn fluid(scene: &mut Scene) -> &mut voidage_coupling::scene::Fluid {
+    scene.fluid.as_mut().expect("a fluid")
+}
+
+fn coupling(scene: &mut Scene) -> &mut voidage_coupling::scene::Coupling {
+    scene.coupling.as_mut().expect("a coupling")
+}
+
+/// Each part, alone in a plain bed, adds what it needs and nothing else.
+fn each_part_costs_its_own() {
+    let with_all = scene("bubbling-bed/scene-quick.toml", &SMALL);
+    let mut plain = with_all.clone();
+    cold(&mut plain);
+    plain.materials.values_mut().for_each(|material| material.friction = 0.0);
+    plain.walls.iter_mut().for_each(|wall| wall.friction = Some(0.0));
+    contacts(&mut plain).rotation = false;
+    fluid(&mut plain).thin_cell = None;
+    let base = count(&plain);
+    assert_eq!(base.calls, [1, 0, 0]);
+    let phases = ["overlap", "closure", "flow", "exchange", "contacts"];
+    assert!(base.phases.iter().all(|phase| phases.contains(phase)), "{:?}", base.phases);
+    println!(
+        "{:<36}{:>12}{:>14}{:>12}  calls of flow, energy, heat to grains",
+        "part", "bytes", "allocations", "wire"
+    );
+    show("(none)", &base, &base);
+    for part in PARTS {
+        let mut changed = plain.clone();
+        (part.on)(&mut changed);
+        let with = count(&changed);
+        show(part.name, &with, &base);
+        compare(part.name, &part.adds, &with, &base);
+    }
+    let all = count(&with_all);
+    show("all of the quick bed", &all, &base);
+    let heat = Added { wire: [3, 0], memory: [9, 16], energy: true, exchange: true };
+    compare("all of the quick bed", &heat, &all, &base);
+}
+
+fn show(name: &str, counted: &Counted, base: &Counted) {
+    let more = counted.bytes as isize - base.bytes as isize;
+    let wire = counted.wire as isize - base.wire as isize;
+    println!("{name:<36}{more:>+12}{:>14}{wire:>+12}  {:?}", counted.allocations, counted.calls);
+}
+
+fn compare(name: &str, adds: &Added, with: &Counted, base: &Counted) {
+    let numbers = |[by_grain, by_node]: [usize; 2]| by_grain * base.grains + by_node * base.nodes;
+    assert_eq!(with.wire, base.wire + numbers(adds.wire), "{name}: numbers on the wire");
+    // The text of the scene differs by some letters.
+    let least = base.bytes + 8 * numbers(adds.memory) - 64;
+    // What the part needs, and as much again for its working memory; the rest of the scene stays as it is.
+    let most = base.bytes + 8 * (4 * numbers(adds.memory) + 2 * base.grains + base.nodes / 2);
+    assert!(with.bytes >= least, "{name}: {} bytes, at least {least}", with.bytes);
+    assert!(with.bytes <= most || adds.energy, "{name}: {} bytes, at most {most}", with.bytes);
+    assert!(with.allocations <= base.allocations + 16, "{name}: {} allocations", with.allocations);
+    assert_eq!(with.calls[1] > 0, adds.energy, "{name}: energy equation");
+    assert_eq!(with.calls[2] > 0, adds.exchange, "{name}: heat at the grains");
+    assert_eq!(with.phases.contains(&"energy"), adds.energy, "{name}: {:?}", with.phases);
+}
+
+/// Builds the scene and counts its first step, when the grains lie alike in all scenes, and the allocations of a later one.
+fn count(scene: &Scene) -> Counted {
+    let before = BYTES.load(Ordering::Relaxed);
+    let mut simulation = Simulation::new(scene).expect("a valid scene");
+    let counts = Arc::new(Counts::default());
+    let fluid = simulation.coupled_mut().fluid.take().expect("a fluid");
+    let nodes = fluid.mesh.points.len();
+    let backend = Box::new(Spy { inner: fluid.backend, counts: counts.clone() });
+    simulation.coupled_mut().fluid = Some(Fluid { backend, ..fluid });
+    simulation.step().expect("a step");
+    let bytes = BYTES.load(Ordering::Relaxed) - before;
+    let calls = [&counts.solves, &counts.energy, &counts.heat].map(|count| count.load(Ordering::Relaxed));
+    let wire = counts.wire.load(Ordering::Relaxed);
+    for _ in 0..5 {
+        simulation.step().expect("a step");
+    }
+    let allocations = CALLS.load(Ordering::Relaxed);
+    simulation.step().expect("a step");
+    let allocations = CALLS.load(Ordering::Relaxed) - allocations;
+    let phases = simulation.totals().phases.named().into_iter();
+    let phases = phases.filter(|(_, seconds)| *seconds > 0.0).map(|(name, _)| name).collect();
+    let grains = simulation.coupled().grains.as_ref().map_or(0, |grains| grains.particles.len());
+    Counted { grains, nodes, bytes, allocations, wire, calls, phases }
+}
+
+#[derive(Default)]
+struct Counts {
+    wire: AtomicUsize,
+    solves: AtomicUsize,
+    energy: AtomicUsize,
+    heat: AtomicUsize,
+}
+
+/// Hands everything on and counts what a step is made of.
+struct Spy {
+    inner: Box<dyn FluidBackend<2>>,
+    counts: Arc<Counts>,
+}
+
+impl FluidBackend<2> for Spy {
+    fn start(&mut self, mesh: &Arc<Mesh<2>>, fields: &State<2>) -> Result<()> {
+        self.inner.start(mesh, fields)
+    }
+
+    fn solve(&mut self, step: &FluidStep<'_, 2>, out: &mut AtBodies<2>) -> Result<FluidReport<2>> {
+        let length = StepMessage::new(step, String::new()).header(false, 1).length;
+        self.counts.wire.store(length as usize, Ordering::Relaxed);
+        let report = self.inner.solve(step, out)?;
+        self.counts.solves.fetch_add(1, Ordering::Relaxed);
+        self.counts.energy.fetch_add(report.solver.heat_iterations, Ordering::Relaxed);
+        self.counts.heat.fetch_add(out.temperature.len(), Ordering::Relaxed);
+        Ok(report)
+    }
+
+    fn accept(&mut self) {
+        self.inner.accept()
+    }
+
+    fn fields(&mut self) -> Result<State<2>> {
+        self.inner.fields()
+    }
 }
