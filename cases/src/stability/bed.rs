@@ -237,7 +237,8 @@ impl Bed {
         let fall = self.gravity() * relaxation * step.min(1.0) * relaxation * step;
         let tolerance = (1e-3 * self.diameter / fall).clamp(1e-12, TOLERANCE);
         let mut free = self.system((&lying.particles, &lying.material), speed, scheme, (false, tolerance))?;
-        let steps = (5.0 / step).ceil().clamp(40.0, 5000.0) as usize;
+        let least = if ratio > 1.0 { 40.0 } else { 10.0 };
+        let steps = (5.0 / step).ceil().clamp(least, 5000.0) as usize;
         let lost = Sample { verdict: Verdict::Unstable, measured: f64::NAN, expected: 1.0, solves: 1.0 };
         let Ok(end) = self.end(&mut free, step * relaxation, steps) else { return Ok(lost) };
         let width = WIDTH as f64 * self.diameter;
