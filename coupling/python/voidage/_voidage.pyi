@@ -10,6 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from .solver import Report, Solver
 
+__all__ = [
+    "Answer",
+    "Columns",
+    "Frame",
+    "GrainState",
+    "Mesh",
+    "Overlap",
+    "Peer",
+    "Simulation",
+    "System",
+    "__version__",
+]
 __version__: str
 
 _Floats = NDArray[np.float64]
@@ -268,10 +280,10 @@ class Frame:
         """The mesh of a request of the kind ``mesh``."""
     def fields(self) -> dict[str, _Floats]:
         """Copies of the accepted fields of a request of the kind ``mesh`` or ``state``."""
-    def pieces(self) -> tuple[Integers, Integers, Floats, Floats] | None:
+    def pieces(self) -> tuple[_Integers, _Integers, _Floats, _Floats] | None:
         """Copies of the pieces of the grains of a step, (first, cell, shape, share) as
         :meth:`Overlap.cut` returns them; None without grains."""
-    def voidage(self) -> Floats | None:
+    def voidage(self) -> _Floats | None:
         """A copy of the nodal voidage of a step (n,); None without grains."""
     def motion(self) -> tuple[_Floats, _Floats] | None:
         """Copies of the places of the nodes at the end of a step and of their velocities, (n, 2)
