@@ -33,6 +33,7 @@ use motion::Swing;
 use overlap::Overlap;
 use rayon::prelude::*;
 use scheme::Scheme;
+use scheme::anchored::Push;
 use std::sync::Arc;
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
@@ -348,6 +349,20 @@ impl<const D: usize> Coupled<D> {
             None => (&[], &[]),
         };
         report.grains = Some(grains.step(dt, &Load { force, heat, ..Load::default() }));
+        report.phases.contacts += start.elapsed().as_secs_f64();
+    }
+
+    /// The same under a push of the fluid with implicit drag and heat transfer: the force on a grain is push.force - gamma v,
+    /// and its heat push.heat - hA T, with the means over the step. Contacts are solved with the mass m + gamma dt.
+    pub fn push_grains(&mut self, dt: f64, push: &Push<D>, report: &mut StepReport) {
+        let (Some(grains), Some(Interaction { load, .. })) = (&mut self.grains, &self.interaction) else {
+            return;
+        };
+        let start = Instant::now();
+        let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
+        let load =
+            Load { force: &push.force, drag: &load.drag, heat: &push.heat, transfer, ..Load::default() };
+        report.grains = Some(grains.step(dt, &load));
         report.phases.contacts += start.elapsed().as_secs_f64();
     }
 

@@ -1,12 +1,14 @@
 //! Coupling schemes written in Python.
 
-use crate::arrays::Column;
+use crate::arrays::{Column, finite_numbers, vectors};
 use crate::columns::{Columns, Group, Owner};
 use crate::errors::Raised;
-use pyo3::exceptions::{PyRuntimeError, PyTypeError};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError, TryLockError};
+use voidage_coupling::backend::Law;
 use voidage_coupling::scheme::Scheme;
+use voidage_coupling::scheme::anchored::Push;
 use voidage_coupling::{Coupled, Error, Result, StepReport};
 
 /// A scheme that calls an object with a method `step(system, dt)`.
@@ -130,6 +132,59 @@ impl System {
     fn move_grains(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |held| {
             held.coupled.move_grains(held.dt, &mut held.report);
+            Ok(())
+        })
+    }
+
+    /// Moves the grains by a step under `force` (g, D), N, and `heat` (g), W, from which the drag and the heat transfer of the
+    /// grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts included. Then
+    /// `grains["mean_velocity"]` and `grains["mean_temperature"]` are the means over the step, and `grains["force"]` and
+    /// `grains["heat"]` what is left of the push.
+    #[pyo3(signature = (force, heat=None))]
+    fn push_grains(
+        &self,
+        py: Python<'_>,
+        force: &Bound<'_, PyAny>,
+        heat: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let (count, warm) = self.with(py, |held| match &held.coupled.interaction {
+            Some(interaction) => Ok((interaction.force.len(), interaction.load.heat.is_some())),
+            None => Err(Error::Run("the scene has no grains in a fluid".into())),
+        })?;
+        let force = vectors(&finite_numbers(force, "force", Some(count), 2)?);
+        let heat = match (heat, warm) {
+            (Some(heat), true) => finite_numbers(heat, "heat", Some(count), 1)?,
+            (None, false) => vec![],
+            (Some(_), false) => return Err(PyValueError::new_err("`heat` is given, the scene has none")),
+            (None, true) => return Err(PyValueError::new_err("`heat` is missing, the scene has heat")),
+        };
+        let push = Push { force, heat };
+        self.with(py, |held| {
+            held.coupled.push_grains(held.dt, &push, &mut held.report);
+            let (Some(grains), Some(interaction)) = (&held.coupled.grains, &mut held.coupled.interaction)
+            else {
+                return Ok(());
+            };
+            for (i, velocity) in grains.mean_velocity().iter().enumerate() {
+                interaction.force[i] = push.force[i] - velocity * interaction.load.drag[i];
+            }
+            if let Some(law) = &interaction.load.heat {
+                for (i, temperature) in grains.mean_temperature().iter().enumerate() {
+                    interaction.heat[i] = push.heat[i] - temperature * law.coefficient[i];
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Gives the solid flux in the equation of mass a law of its own, `load["continuity_mobility"]` and
+    /// `load["continuity_velocity"]`, at first that of the momentum.
+    fn separate_continuity(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |held| {
+            let Some(interaction) = &mut held.coupled.interaction else { return Ok(()) };
+            let load = &mut interaction.load;
+            let law = Law { mobility: load.mobility.clone(), velocity: load.velocity.clone() };
+            load.continuity = Some(law);
             Ok(())
         })
     }

@@ -15,8 +15,7 @@ use crate::agreement::Comparison;
 use crate::{Agreement, Carried, Coupled, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::time::Instant;
-use voidage_dem::{Dem, Load, Vector};
+use voidage_dem::{Dem, Vector};
 
 /// When and how to iterate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -127,7 +126,7 @@ impl<const D: usize> Iterated<D> {
             self.anchor.fill(coupled, &self.push, (dt, substeps), cautious);
             coupled.solve_fluid(dt, report)?;
             self.answer.read(coupled);
-            respond(coupled, dt, &self.answer, report);
+            coupled.push_grains(dt, &self.answer, report);
             let mut agreement = Agreement { solves, ..agreement(coupled, dt) };
             let now = agreement.disagreement.max(agreement.heat_disagreement);
             agreement.converged = now <= self.iteration.tolerance;
@@ -172,20 +171,9 @@ impl<const D: usize> Iterated<D> {
     }
 }
 
-/// Moves the grains by `dt` under a push, with implicit drag and heat transfer.
-fn respond<const D: usize>(coupled: &mut Coupled<D>, dt: f64, push: &Push<D>, report: &mut StepReport) {
-    let (Some(grains), Some(interaction)) = (&mut coupled.grains, &coupled.interaction) else { return };
-    let start = Instant::now();
-    let load = &interaction.load;
-    let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
-    let load = Load { force: &push.force, drag: &load.drag, heat: &push.heat, transfer, ..Load::default() };
-    report.grains = Some(grains.step(dt, &load));
-    report.phases.contacts += start.elapsed().as_secs_f64();
-}
-
-/// The same on trial: only the response is kept.
+/// Moves the grains under a push on trial: only the response is kept.
 fn rehearse<const D: usize>(coupled: &mut Coupled<D>, dt: f64, push: &Push<D>, report: &mut StepReport) {
-    respond(coupled, dt, push, report);
+    coupled.push_grains(dt, push, report);
     coupled.grains.iter_mut().for_each(Dem::rewind);
 }
 
