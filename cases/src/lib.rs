@@ -10,4 +10,6 @@ pub mod progress;
 pub mod report;
 pub mod run;
 pub mod stability;
+pub mod study;
+pub mod suite;
 pub mod verify;

@@ -6,7 +6,8 @@ use clap::{Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
-use voidage::{check, compare, doctor, plot, progress, report, run, stability, verify};
+use voidage::{check, compare, doctor, plot, progress, report, run, stability, study, verify};
+use voidage_coupling::scene::{Scene, json_schema};
 use voidage_coupling::transport::Address;
 use voidage_coupling::{Error, Result};
 
@@ -32,6 +33,12 @@ enum Command {
     Verify(verify::Options),
     /// Map what is stable: every coupling scheme over density, step, voidage and so on, against theory.
     Stability(stability::Options),
+    /// Measure error against run time over mesh, step, tolerance, scheme, solver; goes on where it stopped. Exit code 1 if a
+    /// run failed.
+    Study(study::Options),
+    /// One run of a study, for `study` itself.
+    #[command(hide = true)]
+    Measure,
     /// Read a scene, check it, and say which parts are on and how large they are.
     Check {
         /// Scene file (TOML).
@@ -46,7 +53,11 @@ enum Command {
         folder: PathBuf,
     },
     /// Print all keys of a scene with their meaning, units and defaults, as JSON schema.
-    Schema,
+    Schema {
+        /// Those of a study.
+        #[arg(long)]
+        study: bool,
+    },
     /// Solve the fluid of a run in another process, with the Rust solver.
     Serve {
         /// Where the run is: `shm:NAME` or `tcp:HOST:PORT`.
@@ -65,8 +76,10 @@ fn main() -> ExitCode {
     let quiet = match &arguments.command {
         Command::Run(options) => options.quiet,
         Command::Compare(options) => options.quiet,
-        Command::Verify(options) => options.quiet,
-        Command::Stability(options) => options.quiet,
+        Command::Verify(options) => options.suite.quiet,
+        Command::Stability(options) => options.suite.quiet,
+        Command::Study(options) => options.quiet(),
+        Command::Measure => true,
         _ => false,
     };
     progress::start_logging(quiet);
@@ -86,6 +99,8 @@ fn perform(command: Command) -> Result<u8> {
         Command::Compare(options) => compare::compare(&options),
         Command::Verify(options) => verify::verify(&options),
         Command::Stability(options) => stability::stability(&options),
+        Command::Study(options) => study::study(&options),
+        Command::Measure => study::measure(),
         Command::Check { scene, sets } => check::check(&scene, &sets),
         Command::Plot { folder } => {
             let pictures = plot::draw(&folder)?;
@@ -96,8 +111,9 @@ fn perform(command: Command) -> Result<u8> {
             pictures.iter().for_each(|picture| println!("{}", picture.display()));
             Ok(0)
         }
-        Command::Schema => {
-            println!("{:#}", voidage_coupling::scene::json_schema());
+        Command::Schema { study } => {
+            let schema = if study { json_schema::<study::Study>() } else { json_schema::<Scene>() };
+            println!("{schema:#}");
             Ok(0)
         }
         Command::Serve { connect, wait } => {

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 use std::sync::Arc;
 use voidage_coupling::backend::{FluidBackend, FluidStep, RustFluid};
-use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use voidage_coupling::closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Result};
@@ -283,4 +283,56 @@ pub fn steps_alone(fluid: &mut Fluid<2>, dt: f64, count: u64) -> Result<()> {
 /// Contacts off the stage: no gravity.
 pub fn weightless() -> Settings<2> {
     Settings { gravity: Vec2::zeros(), ..Settings::default() }
+}
+
+/// Speeds so small that drag is linear and convection is below round-off.
+const CREEP: f64 = 1e-18;
+
+/// A homogeneous mixture whose grains turn like a rigid body, the fluid at rest, in a round box without wall friction: no
+/// strain, no divergence, no flow through the rim, so that nothing but drag acts. The slip decays at the sum of the rates.
+pub struct SlipBox {
+    /// Grains and fluid.
+    pub system: Coupled<2>,
+    /// Drag per volume of mixture over the density of the fluid per volume, 1/s.
+    pub fluid_rate: f64,
+    /// The same of the grains.
+    pub grain_rate: f64,
+}
+
+impl SlipBox {
+    /// The box with a coupling scheme.
+    pub fn new(scheme: SchemeName) -> Result<Self> {
+        let (rho_f, eta, rho_s, radius, phi) = (3.0, 1e-2, 7.0, 0.01, 0.4);
+        let mut set = FluidSet::new(rho_f, eta);
+        let (flow, heat) = (FlowCondition::Slip, HeatCondition::Adiabatic);
+        set.conditions = vec![Condition { boundary: "rim".into(), flow, heat }];
+        let mesh = cake(24);
+        let start = set.rest(&mesh, 0.0);
+        let mut grains = grains(three_per_cell(&mesh), radius, Material::default(), weightless())?;
+        let particles = &mut grains.particles;
+        let volume = phi * mesh.measure(0) / 3.0;
+        particles.volume.fill(volume);
+        particles.mass.fill(rho_s * volume);
+        particles.velocity = particles.position.iter().map(|x| Vec2::new(-x.y, x.x) * CREEP).collect();
+        let (voidage, diameter) = (1.0 - phi, 2.0 * radius);
+        let around = Surroundings { slip: 0.0, voidage, diameter, density: rho_f, viscosity: eta };
+        let laws = set.laws(None);
+        let beta = phi * laws.drag.coefficient(&around, VoidageFunction::None);
+        let (fluid_rate, grain_rate) = (beta / ((1.0 - phi) * rho_f), beta / (phi * rho_s));
+        let system = set.with_grains(set.build(mesh, start)?, grains, laws, scheme)?;
+        Ok(Self { system, fluid_rate, grain_rate })
+    }
+
+    /// Difference of the angular velocities, 1/s, seen at a node of the rim and at one grain.
+    pub fn slip(&mut self) -> Result<f64> {
+        let mut turn = 0.0;
+        if let Some(fluid) = &mut self.system.fluid {
+            turn = fluid.backend.fields()?.velocity[1].y;
+        }
+        if let Some(grains) = &self.system.grains {
+            let (x, v) = (grains.particles.position[10], grains.particles.velocity[10]);
+            turn -= (x.x * v.y - x.y * v.x) / x.norm_squared();
+        }
+        Ok(turn)
+    }
 }

@@ -112,7 +112,8 @@ pub fn start_threads(asked: Option<usize>) -> Result<usize> {
     Ok(rayon::current_num_threads())
 }
 
-fn catch_interrupts() -> Result<Arc<AtomicBool>> {
+/// A flag that Ctrl-C sets; a second one ends the program at once.
+pub fn catch_interrupts() -> Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     let set = flag.clone();
     let handler = move || {
@@ -122,6 +123,20 @@ fn catch_interrupts() -> Result<Arc<AtomicBool>> {
     };
     ctrlc::set_handler(handler).map_err(|error| Error::Run(format!("cannot catch Ctrl-C: {error}")))?;
     Ok(flag)
+}
+
+/// Puts what has added up over the steps of a simulation into its summary.
+pub fn sum_up(summary: &mut Summary, simulation: &Simulation) {
+    let totals = simulation.totals();
+    summary.steps = simulation.steps();
+    summary.time_s = simulation.time();
+    summary.max_penetration_over_radius = totals.max_penetration_over_radius;
+    summary.unconverged_steps = totals.unconverged_steps;
+    summary.fluid_solves = totals.fluid_solves;
+    summary.disagreeing_steps = totals.disagreeing_steps;
+    summary.momentum_exchange_defect = totals.momentum_exchange_defect;
+    summary.energy_exchange_defect = totals.energy_exchange_defect;
+    summary.solid_volume_defect = totals.solid_volume_defect;
 }
 
 /// A run in progress.
@@ -277,23 +292,15 @@ impl Run {
     }
 
     fn write_summary(&mut self) -> Result<()> {
-        let totals = self.simulation.totals();
-        let mut phases: BTreeMap<String, f64> =
-            serde_json::to_value(totals.phases).and_then(serde_json::from_value).unwrap_or_default();
+        let mut phases: BTreeMap<String, f64> = serde_json::to_value(self.simulation.totals().phases)
+            .and_then(serde_json::from_value)
+            .unwrap_or_default();
         phases.insert("setup".to_owned(), self.setup_s);
         phases.insert("output".to_owned(), self.output_s);
         let summary = &mut self.summary;
-        summary.steps = self.simulation.steps();
-        summary.time_s = self.simulation.time();
+        sum_up(summary, &self.simulation);
         summary.wall_s = self.started.elapsed().as_secs_f64();
         summary.phases_s = phases;
-        summary.max_penetration_over_radius = totals.max_penetration_over_radius;
-        summary.unconverged_steps = totals.unconverged_steps;
-        summary.fluid_solves = totals.fluid_solves;
-        summary.disagreeing_steps = totals.disagreeing_steps;
-        summary.momentum_exchange_defect = totals.momentum_exchange_defect;
-        summary.energy_exchange_defect = totals.energy_exchange_defect;
-        summary.solid_volume_defect = totals.solid_volume_defect;
         summary.write(&self.recording.folder().join("summary.json"))
     }
 }

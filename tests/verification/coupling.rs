@@ -1,14 +1,12 @@
 //! Exact oracles of the exchange between grains and fluid (physics.md, section 8).
 
 use approx::assert_relative_eq;
-use voidage::models::{
-    FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
-};
+use voidage::models::{FluidSet, SlipBox, Vec2, grains, grid, hot_grains, one_per_cell, weightless};
 use voidage_coupling::Coupled;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_dem::{Conduction, Material, Settings};
-use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
+use voidage_fluid::conditions::{FlowCondition, HeatCondition, Prescribed};
 use voidage_fluid::flow::HeatProperties;
 use voidage_fluid::transport::Scalar;
 
@@ -68,71 +66,22 @@ fn terminal_velocities_are_those_of_dallavalle() {
     }
 }
 
-/// Speeds so small that drag is linear and convection is below round-off.
-const CREEP: f64 = 1e-18;
-
-/// A homogeneous mixture whose grains turn like a rigid body, the fluid at rest, in a round box without wall
-/// friction: no strain, no divergence, no flow through the rim, so that nothing but drag acts.
-struct SlipBox {
-    system: Coupled<2>,
-    /// Drag per volume of mixture over the densities of mixture per volume: the rates of fluid and grains.
-    fluid_rate: f64,
-    grain_rate: f64,
-}
-
-fn slip_box(scheme: SchemeName) -> SlipBox {
-    let (rho_f, eta, rho_s, radius, phi) = (3.0, 1e-2, 7.0, 0.01, 0.4);
-    let mut set = FluidSet::new(rho_f, eta);
-    let rim = Condition { boundary: "rim".into(), flow: FlowCondition::Slip, heat: HeatCondition::Adiabatic };
-    set.conditions = vec![rim];
-    let mesh = cake(24);
-    let start = set.rest(&mesh, 0.0);
-    let mut grains = grains(three_per_cell(&mesh), radius, Material::default(), weightless()).unwrap();
-    let volume = phi * mesh.measure(0) / 3.0;
-    grains.particles.volume.fill(volume);
-    grains.particles.mass.fill(rho_s * volume);
-    let turning: Vec<Vec2> = grains.particles.position.iter().map(|x| Vec2::new(-x.y, x.x) * CREEP).collect();
-    grains.particles.velocity.copy_from_slice(&turning);
-    let around = Surroundings {
-        slip: 0.0,
-        voidage: 1.0 - phi,
-        diameter: 2.0 * radius,
-        density: rho_f,
-        viscosity: eta,
-    };
-    let laws = set.laws(None);
-    let beta = phi * laws.drag.coefficient(&around, VoidageFunction::None);
-    let (fluid_rate, grain_rate) = (beta / ((1.0 - phi) * rho_f), beta / (phi * rho_s));
-    let system = set.with_grains(set.build(mesh, start).unwrap(), grains, laws, scheme).unwrap();
-    SlipBox { system, fluid_rate, grain_rate }
-}
-
-impl SlipBox {
-    /// Difference of the angular velocities, seen at a node of the rim and at one grain.
-    fn slip(&mut self) -> f64 {
-        let fields = self.system.fluid.as_mut().expect("fluid").backend.fields().expect("fields");
-        let particles = &self.system.grains.as_ref().expect("grains").particles;
-        let (x, v) = (particles.position[10], particles.velocity[10]);
-        fields.velocity[1].y - (x.x * v.y - x.y * v.x) / x.norm_squared()
-    }
-}
-
 /// No constraint: slip decays by (1 - B)/(1 + A) with the explicit scheme and 1/(1 + A + B) with the predicted
 /// velocity, A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), whatever dt.
 #[test]
 fn slip_decays_by_the_exact_factor_of_each_scheme() {
     for scheme in SchemeName::ALL {
         for share in [1e-3, 0.1, 1.0, 10.0] {
-            let mut slip_box = slip_box(scheme);
+            let mut slip_box = SlipBox::new(scheme).expect("a box");
             let dt = share / slip_box.grain_rate;
             let (a, b) = (slip_box.fluid_rate * dt, slip_box.grain_rate * dt);
             let exact = match scheme {
                 SchemeName::Explicit => (1.0 - b) / (1.0 + a),
                 _ => 1.0 / (1.0 + a + b),
             };
-            let before = slip_box.slip();
+            let before = slip_box.slip().expect("fields");
             let report = slip_box.system.step(dt).expect("a step");
-            assert_relative_eq!(slip_box.slip() / before, exact, epsilon = 1e-7);
+            assert_relative_eq!(slip_box.slip().expect("fields") / before, exact, epsilon = 1e-7);
             assert!(report.momentum_exchange_defect < Some(1e-12));
             assert!(report.solid_volume_defect < Some(1e-12));
         }

@@ -1,5 +1,6 @@
 //! Pictures of a run, drawn from the files in its folder.
 
+pub mod bars;
 mod canvas;
 mod fit;
 mod lines;

@@ -13,7 +13,7 @@ const ROWS: usize = 4;
 const SIZE: [u32; 2] = [560, 430];
 
 // Colours that colour-blind readers can tell apart (Okabe and Ito).
-const COLOURS: [RGBColor; 6] = [
+pub(super) const COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -128,14 +128,18 @@ pub fn pages(folder: &Path, name: &str, panels: &[Panel]) -> Result<Vec<PathBuf>
     for (k, part) in panels.chunks(each).enumerate() {
         let file = if count == 1 { format!("{name}.png") } else { format!("{name}-{}.png", k + 1) };
         let path = folder.join(file);
-        page(&path, part)?;
+        grid(&path, COLUMNS, part)?;
         paths.push(path);
     }
     Ok(paths)
 }
 
-fn page(path: &Path, panels: &[Panel]) -> Result<()> {
-    let columns = panels.len().clamp(1, COLUMNS);
+/// Draws panels in rows of so many.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn grid(path: &Path, columns: usize, panels: &[Panel]) -> Result<()> {
+    let columns = panels.len().clamp(1, columns);
     let rows = panels.len().div_ceil(columns);
     let mut canvas = Canvas::new(SIZE[0] * columns as u32, SIZE[1] * rows as u32);
     canvas.draw(path, |area| {

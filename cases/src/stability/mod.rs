@@ -14,10 +14,10 @@ pub use axis::{Axis, Sample, Verdict};
 use crate::plot::panels::{self, Curve, Panel};
 use crate::progress::Progress;
 use crate::run::start_threads;
+use crate::suite::Suite;
 use crate::verify::Effort;
 use clap::Args;
 use record::{Record, Row};
-use std::path::PathBuf;
 use tracing::warn;
 use voidage_coupling::recorder::create_folder;
 use voidage_coupling::scheme::SchemeName;
@@ -26,27 +26,15 @@ use voidage_coupling::{Error, Result};
 /// Options of `voidage stability`.
 #[derive(Args)]
 pub struct Options {
-    /// Few points of each axis, a minute in all.
-    #[arg(long)]
-    quick: bool,
+    /// What commands with many runs share.
+    #[command(flatten)]
+    pub suite: Suite,
     /// Only the axis of this name (may be repeated).
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
     /// Only this scheme (may be repeated).
     #[arg(long, value_name = "SCHEME", value_parser = scheme)]
     scheme: Vec<SchemeName>,
-    /// Folder of results; points that are there already are not run again.
-    #[arg(long, default_value = "out/stability")]
-    out: PathBuf,
-    /// List the axes and stop.
-    #[arg(long)]
-    list: bool,
-    /// Number of threads; results do not depend on it. Default: one per core.
-    #[arg(long)]
-    threads: Option<usize>,
-    /// No bar, few lines.
-    #[arg(long)]
-    pub quiet: bool,
 }
 
 /// A scheme by its name.
@@ -66,21 +54,22 @@ pub fn axes() -> Vec<Axis> {
 /// # Errors
 /// Unknown names, files that cannot be written.
 pub fn stability(options: &Options) -> Result<u8> {
-    let chosen = choose(&options.only)?;
-    if options.list {
+    let (chosen, suite) = (choose(&options.only)?, &options.suite);
+    if suite.list {
         for axis in &chosen {
             println!("{}: {} ({} over {})", axis.name, axis.title, axis.labels[1], axis.labels[0]);
         }
         return Ok(0);
     }
-    start_threads(options.threads)?;
-    create_folder(&options.out)?;
-    let effort = if options.quick { Effort::Quick } else { Effort::Full };
+    start_threads(suite.threads)?;
+    let folder = suite.folder("out/stability");
+    create_folder(&folder)?;
+    let effort = if suite.quick { Effort::Quick } else { Effort::Full };
     let schemes = if options.scheme.is_empty() { SchemeName::ALL.to_vec() } else { options.scheme.clone() };
-    let mut record = Record::open(&options.out.join("stability.csv"))?;
+    let mut record = Record::open(&folder.join("stability.csv"))?;
     let points = |axis: &Axis| (axis.points)(effort);
     let all: usize = chosen.iter().map(|axis| points(axis).len() * schemes.len()).sum();
-    let progress = Progress::of("point", 0, all as u64, options.quiet);
+    let progress = Progress::of("point", 0, all as u64, suite.quiet);
     let mut done = 0;
     for axis in &chosen {
         for point in points(axis) {
@@ -97,7 +86,7 @@ pub fn stability(options: &Options) -> Result<u8> {
     let rows = || record.rows.iter().filter(|row| chosen.iter().any(|axis| axis.name == row.axis));
     for axis in &chosen {
         let drawn: Vec<Panel> = schemes.iter().map(|&scheme| panel(axis, scheme, &record.rows)).collect();
-        for page in panels::pages(&options.out, axis.name, &drawn)? {
+        for page in panels::pages(&folder, axis.name, &drawn)? {
             println!("{}", page.display());
         }
     }

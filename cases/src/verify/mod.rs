@@ -8,7 +8,7 @@ pub mod coupled;
 pub mod fluid;
 pub mod grains;
 mod jet;
-mod norms;
+pub(crate) mod norms;
 mod record;
 
 pub use case::{Case, Effort, Finding, Outcome};
@@ -16,9 +16,9 @@ pub use case::{Case, Effort, Finding, Outcome};
 use crate::plot::panels::{self, Panel};
 use crate::progress::{Progress, duration};
 use crate::run::start_threads;
+use crate::suite::Suite;
 use clap::Args;
 use record::Record;
-use std::path::PathBuf;
 use std::time::Instant;
 use tracing::warn;
 use voidage_coupling::recorder::create_folder;
@@ -27,24 +27,12 @@ use voidage_coupling::{Error, Result};
 /// Options of `voidage verify`.
 #[derive(Args)]
 pub struct Options {
-    /// Short forms, a minute in all: coarse meshes, and what they allow.
-    #[arg(long)]
-    quick: bool,
+    /// What commands with many runs share.
+    #[command(flatten)]
+    pub suite: Suite,
     /// Only the case or group of this name (may be repeated).
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Folder of results.
-    #[arg(long, default_value = "out/verification")]
-    out: PathBuf,
-    /// List the cases and stop.
-    #[arg(long)]
-    list: bool,
-    /// Number of threads; results do not depend on it. Default: one per core.
-    #[arg(long)]
-    threads: Option<usize>,
-    /// No bar, few lines.
-    #[arg(long)]
-    pub quiet: bool,
 }
 
 /// All cases, in the order in which they run.
@@ -57,18 +45,19 @@ pub fn cases() -> Vec<Case> {
 /// # Errors
 /// Unknown names, files that cannot be written.
 pub fn verify(options: &Options) -> Result<u8> {
-    let chosen = choose(&options.only)?;
-    if options.list {
+    let (chosen, suite) = (choose(&options.only)?, &options.suite);
+    if suite.list {
         list(&chosen);
         return Ok(0);
     }
-    start_threads(options.threads)?;
-    create_folder(&options.out)?;
-    let effort = if options.quick { Effort::Quick } else { Effort::Full };
-    let mut record = Record::create(&options.out)?;
+    start_threads(suite.threads)?;
+    let folder = suite.folder("out/verification");
+    create_folder(&folder)?;
+    let effort = if suite.quick { Effort::Quick } else { Effort::Full };
+    let mut record = Record::create(&folder)?;
     let mut drawn: Vec<Panel> = Vec::new();
     let (mut missed, mut count) = (0, 0);
-    let progress = Progress::of("case", 0, chosen.len() as u64, options.quiet);
+    let progress = Progress::of("case", 0, chosen.len() as u64, suite.quiet);
     for (done, case) in chosen.iter().enumerate() {
         progress.tell(done as u64, case.name);
         let start = Instant::now();
@@ -81,10 +70,10 @@ pub fn verify(options: &Options) -> Result<u8> {
         drawn.extend(outcome.panels);
     }
     progress.tell(chosen.len() as u64, "done");
-    for page in panels::pages(&options.out, "verification", &drawn)? {
+    for page in panels::pages(&folder, "verification", &drawn)? {
         println!("{}", page.display());
     }
-    println!("{}", options.out.join("verification.csv").display());
+    println!("{}", folder.join("verification.csv").display());
     println!("{} of {count} findings are outside of what is allowed", missed);
     Ok(u8::from(missed > 0))
 }

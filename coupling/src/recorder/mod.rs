@@ -21,7 +21,7 @@ pub use averages::Averages;
 pub use checkpoint::{Checkpoint, Stamp};
 pub use collection::Collection;
 pub use files::{create_folder, write_whole};
-pub use recording::{CHECKPOINT, Due, Reading, Recording};
+pub use recording::{CHECKPOINT, Due, Reading, Recording, readings};
 pub use series::Series;
 pub use summary::Summary;
 pub use view::{FluidView, GrainView, View};

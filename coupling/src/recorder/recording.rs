@@ -157,7 +157,7 @@ impl Recording {
     ) -> Result<()> {
         let due = self.due(step);
         if due.series {
-            let row: Vec<f64> = all_readings(&self.output, time, view, readings)
+            let row: Vec<f64> = self::readings(&self.output, time, view, readings)
                 .into_iter()
                 .map(|(_, value)| value)
                 .collect();
@@ -201,12 +201,12 @@ impl Recording {
 }
 
 fn columns<const D: usize>(scene: &Scene, view: &View<D>, readings: &[Reading]) -> Vec<String> {
-    let readings = all_readings(&scene.output, 0.0, view, readings);
-    readings.into_iter().map(|(name, _)| name.to_owned()).collect()
+    let row = self::readings(&scene.output, 0.0, view, readings);
+    row.into_iter().map(|(name, _)| name.to_owned()).collect()
 }
 
 /// The row of the series: time, what follows from the view, and what the simulation adds.
-fn all_readings<const D: usize>(
+pub fn readings<const D: usize>(
     output: &Output,
     time: f64,
     view: &View<D>,

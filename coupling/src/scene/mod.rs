@@ -6,6 +6,7 @@
 
 mod backend;
 mod check;
+pub mod document;
 mod edit;
 mod fluid;
 mod grains;

@@ -89,12 +89,13 @@ impl Origin {
     }
 
     /// An error at some bytes of the text.
-    pub(super) fn error_at(&self, span: Range<usize>, message: impl Into<String>) -> Box<SceneError> {
-        self.at(
-            self.place(span),
-            message,
-            "the file is TOML, see https://toml.io; `voidage schema` lists all keys",
-        )
+    pub(super) fn error_at(
+        &self,
+        span: Range<usize>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Box<SceneError> {
+        self.at(self.place(span), message, help)
     }
 
     /// An error at a known place.

@@ -1,17 +1,17 @@
 //! The documentation of every key, as JSON schema and as help in errors.
 
-use super::Scene;
 use super::origin::Segment;
+use schemars::JsonSchema;
 use serde_json::Value;
 
-/// The JSON schema of scenes, with the meaning, unit and default of every key.
-pub fn json_schema() -> Value {
-    schemars::schema_for!(Scene).to_value()
+/// The JSON schema of a document, with the meaning, unit and default of every key.
+pub fn json_schema<T: JsonSchema>() -> Value {
+    schemars::schema_for!(T).to_value()
 }
 
 /// The documentation of a key, if the path leads to one.
-pub(super) fn describe(path: &[Segment]) -> Option<String> {
-    let root = json_schema();
+pub(super) fn describe<T: JsonSchema>(path: &[Segment]) -> Option<String> {
+    let root = json_schema::<T>();
     let mut nodes = vec![&root];
     for step in path {
         nodes = nodes.into_iter().flat_map(|node| children(&root, node, step)).collect();

@@ -14,6 +14,8 @@ fn every_case_is_a_valid_scene() {
         "bubbling-bed/scene-quick.toml",
         "bubbling-bed/scene-migflow.toml",
         "settling-grain/scene.toml",
+        "settling-grain/scene-still.toml",
+        "column-collapse/scene.toml",
         "packed-bed/scene.toml",
         "hopper/scene.toml",
         "cavity/scene.toml",

@@ -2,6 +2,7 @@
 
 use super::immersed::Immersed;
 use crate::models::{FluidSet, Vec2, grid};
+use crate::study::clock;
 use crate::verify::jet::Jet;
 use crate::verify::norms::{Errors, errors};
 use voidage_coupling::Result;
@@ -154,6 +155,21 @@ pub struct Off {
     pub temperature: Errors,
 }
 
+/// Time of the solver, s.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spent {
+    /// Everything, wall time.
+    pub all: f64,
+    /// Everything, processor time on all cores.
+    pub cpu: f64,
+    /// Taking the mesh.
+    pub mesh: f64,
+    /// Momentum and mass.
+    pub flow: f64,
+    /// Energy.
+    pub heat: f64,
+}
+
 impl Run {
     /// What the solution at the end is off by.
     pub fn solve(&self) -> Result<Off> {
@@ -162,6 +178,11 @@ impl Run {
 
     /// The solver at the end: exact values on all of the boundary, exact nodal values at the start.
     pub fn steps(&self) -> Result<Flow<2, 3>> {
+        Ok(self.timed()?.0)
+    }
+
+    /// The same with the wall time that the solver took.
+    pub fn timed(&self) -> Result<(Flow<2, 3>, Spent)> {
         let mut mesh = grid([2.0, 2.0], [self.squares; 2])?;
         mesh.points.iter_mut().for_each(|x| *x -= Vec2::new(1.0, 1.0));
         let mut set = FluidSet::new(self.fluid.density, self.fluid.viscosity);
@@ -176,14 +197,19 @@ impl Run {
         self.prescribe(&mut set, &mesh, 0.0);
         let start = self.nodal(&mesh, 0.0);
         let (points, volume) = (mesh.points.clone(), mesh.nodal_volume());
-        let mut flow = Flow::<2, 3>::new(
-            mesh,
-            set.properties.clone(),
-            set.heat.clone(),
-            &set.conditions,
-            start,
-            &set.numerics,
-        )?;
+        let mut whole = clock::Spent::default();
+        let new = || {
+            Flow::<2, 3>::new(
+                mesh,
+                set.properties.clone(),
+                set.heat.clone(),
+                &set.conditions,
+                start,
+                &set.numerics,
+            )
+        };
+        let mut flow = clock::timed(&mut whole, new)?;
+        let mut spent = Spent { mesh: whole.wall, ..Spent::default() };
         let bodies = self.bodies.as_ref();
         for step in 1..=self.steps {
             let time = step as f64 * self.dt;
@@ -197,10 +223,16 @@ impl Run {
             let voidage: Vec<f64> = exact.iter().map(|exact| exact.voidage.value).collect();
             let immersed = self.bodies.map(|bodies| Immersed::new(flow.mesh(), &self.fields, &bodies, time));
             let load = immersed.as_ref().map(Immersed::exchange);
-            flow.solve(self.dt, &voidage, load.as_ref(), &set.conditions)?;
-            flow.accept();
+            let report = clock::timed(&mut whole, || {
+                let report = flow.solve(self.dt, &voidage, load.as_ref(), &set.conditions)?;
+                flow.accept();
+                Ok::<_, voidage_coupling::Error>(report)
+            })?;
+            spent.flow += report.flow_s;
+            spent.heat += report.heat_s;
         }
-        Ok(flow)
+        (spent.all, spent.cpu) = (whole.wall, whole.cpu);
+        Ok((flow, spent))
     }
 
     /// Exact velocities and temperatures on all sides.
@@ -225,7 +257,19 @@ impl Run {
         }
     }
 
-    fn off(&self, flow: &Flow<2, 3>, time: f64) -> Off {
+    /// The norms of the exact fields.
+    pub fn norms(&self, flow: &Flow<2, 3>, time: f64) -> Off {
+        let with_slope = |jet: Jet| (jet.value, Vec2::new(jet.slope[0], jet.slope[1]));
+        let (mesh, at) = (flow.mesh(), |x: Vec2| self.fields.exact(x, time));
+        Off {
+            velocity: errors(mesh, |_| [0.0; 2], |x| at(x).velocity.map(with_slope)),
+            pressure: errors(mesh, |_| [0.0], |x| [with_slope(at(x).pressure)]),
+            temperature: errors(mesh, |_| [0.0], |x| [with_slope(at(x).temperature)]),
+        }
+    }
+
+    /// What a solution at a time is off by.
+    pub fn off(&self, flow: &Flow<2, 3>, time: f64) -> Off {
         let (mesh, state) = (flow.mesh(), flow.state());
         let with_slope = |jet: Jet| (jet.value, Vec2::new(jet.slope[0], jet.slope[1]));
         let at = |x: Vec2| self.fields.exact(x, time);

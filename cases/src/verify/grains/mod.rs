@@ -13,7 +13,7 @@ mod packing;
 mod rolling;
 mod scene;
 mod slope;
-mod stack;
+pub(crate) mod stack;
 
 use super::Case;
 

@@ -18,7 +18,8 @@ pub const CASE: Case = Case {
     run,
 };
 
-fn stack(n: usize, settings: Settings<2>) -> Result<Dem<2>> {
+/// A stack of `n` discs on a floor, just touching.
+pub fn stack(n: usize, settings: Settings<2>) -> Result<Dem<2>> {
     let material = Material::default();
     let places = (0..n).map(|k| v(0.0, 0.5 + k as f64)).collect();
     Ok(Dem::new(alike(places, 0.5, &material)?, vec![floor(0.0)], vec![material], settings)?)
@@ -42,12 +43,18 @@ fn error(n: usize, sweeps: usize, acceleration: Acceleration) -> Result<f64> {
     let settings = Settings { tolerance: 1e-300, max_sweeps: sweeps, acceleration, ..precise() };
     let mut dem = stack(n, settings)?;
     dem.step(1e-3, &Load::default());
-    let exact = |k: usize| (n - k) as f64;
-    let (wrong, all) = forces(&dem)
+    Ok(error_of(&dem))
+}
+
+/// Relative error (2-norm) of the forces of a stack.
+pub fn error_of(dem: &Dem<2>) -> f64 {
+    let forces = forces(dem);
+    let exact = |k: usize| (forces.len() - k) as f64;
+    let (wrong, all) = forces
         .iter()
         .enumerate()
         .fold((0.0, 0.0), |(wrong, all), (k, f)| (wrong + (f - exact(k)).powi(2), all + exact(k).powi(2)));
-    Ok(f64::sqrt(wrong / all))
+    f64::sqrt(wrong / all)
 }
 
 /// Sweeps until the error is below 1e-4: doubled until enough, then halved in between.

@@ -1,0 +1,391 @@
+//! The file of a study: its keys, and what is wrong with them.
+
+use super::problems::ProblemName;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+use voidage_coupling::scene::Origin;
+use voidage_coupling::scene::document::{self, Document};
+use voidage_coupling::{Error, Result};
+
+/// A tree of keys, as the schema shows it.
+type Keys = BTreeMap<String, serde_json::Value>;
+
+/// A whole study.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// What the study shows, one line. Default: empty.
+    #[serde(default)]
+    pub title: String,
+    /// What is run: `{scene = "FILE"}`, path relative to the study, or `{problem = "NAME"}`.
+    pub case: Case,
+    /// Settings of all runs: keys of the scene or of the problem, and `threads` (default 1). Default: none.
+    #[serde(default)]
+    #[schemars(with = "Keys")]
+    pub set: Table,
+    /// What results are compared with: `"exact"` (or `"manufactured"`), the known values; `"finest"`, the run that is estimated
+    /// to take longest; or `{run = {KEY = VALUE, ..}}`, a run with these settings over those of the study.
+    pub reference: Reference,
+    /// What is compared. At least one.
+    pub quantities: Vec<Quantity>,
+    /// What is varied. At least one.
+    pub sweeps: Vec<Sweep>,
+    /// The time that errors are drawn against: `"wall"`, from the start to the last step; `"steps"`, wall time of the steps; or
+    /// `"cpu"`, processor time of the steps on all cores, for machines that others use too. Default `"wall"`.
+    #[serde(default)]
+    pub time: Clock,
+    /// How often each run is repeated; times are medians. At least 1. Default 1.
+    #[serde(default = "once")]
+    pub repeats: usize,
+    /// The error that the cheapest settings are looked for, as a share. Above 0. Default 0.01.
+    #[serde(default = "one_percent")]
+    pub target: f64,
+    /// What `--quick` changes. Default: the defaults of its keys.
+    #[serde(default)]
+    pub quick: Quick,
+    /// Where the study was read from: errors point into it.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub origin: Origin,
+}
+
+fn once() -> usize {
+    1
+}
+
+fn one_percent() -> f64 {
+    0.01
+}
+
+/// What is run.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Case {
+    /// A scene file (TOML), path relative to the study.
+    Scene(PathBuf),
+    /// A problem with a known answer.
+    Problem(ProblemName),
+}
+
+/// What results are compared with.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reference {
+    /// The known values: those of the quantities, or what the problem knows.
+    #[serde(alias = "manufactured")]
+    Exact,
+    /// The run of the sweeps that is estimated to take longest.
+    Finest,
+    /// A run of its own.
+    Run(#[schemars(with = "Keys")] Table),
+}
+
+/// A quantity whose error is measured.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Quantity {
+    /// Name in tables and plots.
+    pub name: String,
+    /// What it is: `{series = "COLUMN"}` of series.csv; `{summary = "KEY"}` of summary.json; `{grain = {number = 0, column =
+    /// "velocity", axis = 1}}`; `{field = "temperature"}`, nodal, at the end, in L2; or, of a problem, `{error = "NAME"}`.
+    pub of: Of,
+    /// Times at which it is looked at, s; between steps it is interpolated. Default: the end of the run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub at: Vec<f64>,
+    /// Known values, one per time; they go before the reference of the study. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exact: Option<Vec<f64>>,
+    /// What the error is divided by, in the unit of the quantity. Above 0. Default: the size of the reference (root mean
+    /// square over the times, or the norm of the field).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+}
+
+/// What a quantity is.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Of {
+    /// A column of series.csv.
+    Series(String),
+    /// A number of summary.json.
+    Summary(String),
+    /// A value of one grain.
+    Grain(OfGrain),
+    /// A nodal field at the end, in L2.
+    Field(FieldName),
+    /// A relative error that the problem knows.
+    Error(String),
+}
+
+/// A value of one grain.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OfGrain {
+    /// Number of the grain, from 0.
+    pub number: usize,
+    /// `"position"` (m), `"velocity"` (m/s) or `"temperature"` (K).
+    pub column: GrainColumn,
+    /// Component: 0 along x, 1 along y. Default 0.
+    #[serde(default)]
+    pub axis: usize,
+}
+
+/// Columns of grains.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum GrainColumn {
+    /// m.
+    Position,
+    /// m/s.
+    Velocity,
+    /// K.
+    Temperature,
+}
+
+/// Nodal fields.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FieldName {
+    /// m/s.
+    Velocity,
+    /// Pa.
+    Pressure,
+    /// K.
+    Temperature,
+    /// No unit.
+    Voidage,
+}
+
+/// The times that errors are drawn against.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clock {
+    /// From the start of the run to its last step, s.
+    #[default]
+    Wall,
+    /// Wall time of the steps, s.
+    Steps,
+    /// Processor time of the steps on all cores, s; of a fluid solver in another process all its time.
+    Cpu,
+}
+
+/// Settings that are varied: every value with every other. One curve for each choice of the keys beside `refine`.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sweep {
+    /// Name of its curves, before the values that tell them apart. Default: none.
+    #[serde(default)]
+    pub name: String,
+    /// The key that is refined along a curve, one of `vary`; its values are numbers above 0.
+    pub refine: String,
+    /// What the axis of `refine` says. Default: the key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
+    /// Keys with lists of values.
+    #[schemars(with = "Keys")]
+    pub vary: Table,
+    /// Settings of this sweep, over those of the study. Default: none.
+    #[serde(default)]
+    #[schemars(with = "Keys")]
+    pub set: Table,
+}
+
+/// What `--quick` changes. Runs are not repeated.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Quick {
+    /// Runs of each curve, the cheapest. At least 1. Default 3.
+    pub runs: usize,
+    /// Times at which quantities without known values are looked at instead of their own, s. Default: none.
+    pub at: Vec<f64>,
+    /// Settings over all others, those of a reference run too. Default: none.
+    #[schemars(with = "Keys")]
+    pub set: Table,
+}
+
+impl Default for Quick {
+    fn default() -> Self {
+        Self { runs: 3, at: Vec::new(), set: Table::new() }
+    }
+}
+
+impl Document for Study {
+    const KEYS: &'static str = "voidage schema --study";
+}
+
+/// The leaves of a tree of keys, by their dotted paths.
+pub fn leaves(table: &Table) -> Vec<(String, Value)> {
+    let mut found = Vec::new();
+    for (key, value) in table {
+        match value {
+            Value::Table(inner) if !inner.is_empty() => {
+                found.extend(leaves(inner).into_iter().map(|(path, value)| (format!("{key}.{path}"), value)));
+            }
+            leaf => found.push((key.clone(), leaf.clone())),
+        }
+    }
+    found
+}
+
+impl Study {
+    /// Reads and checks a study.
+    ///
+    /// # Errors
+    /// The file cannot be read, or something in it is wrong.
+    pub fn read(file: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(file).map_err(|error| {
+            Error::Input(format!(
+                "{}: cannot read the study: {error}\n  help: give the path of a study, such as cases/studies/stack.toml",
+                file.display()
+            ))
+        })?;
+        let (mut study, origin) = document::read::<Study>(file, &text)?;
+        study.origin = origin;
+        study.check()?;
+        Ok(study)
+    }
+
+    /// The short form, as far as it is one of the quantities.
+    pub fn shorten(&mut self) {
+        let of_time =
+            self.quantities.iter_mut().filter(|quantity| !quantity.at.is_empty() && quantity.exact.is_none());
+        if !self.quick.at.is_empty() {
+            of_time.for_each(|quantity| quantity.at.clone_from(&self.quick.at));
+        }
+        self.repeats = 1;
+    }
+
+    /// An error at a key of the study.
+    pub fn error(&self, path: &str, message: impl Into<String>, help: impl Into<String>) -> Error {
+        self.origin.error(path, message, help).into()
+    }
+
+    /// The scene file, as this process finds it.
+    pub fn scene(&self) -> Option<PathBuf> {
+        match &self.case {
+            Case::Scene(file) => Some(self.origin.folder().join(file)),
+            Case::Problem(_) => None,
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        let positive = |path: &str, value: f64| match value > 0.0 {
+            true => Ok(()),
+            false => {
+                Err(self.error(path, format!("`{path} = {value}` must be above 0"), "give a number above 0"))
+            }
+        };
+        positive("target", self.target)?;
+        positive("repeats", self.repeats as f64)?;
+        positive("quick.runs", self.quick.runs as f64)?;
+        for (list, empty) in [("quantities", self.quantities.is_empty()), ("sweeps", self.sweeps.is_empty())]
+        {
+            if empty {
+                let what = format!("there are no {list}");
+                return Err(self.error(list, what, format!("give at least one [[{list}]]")));
+            }
+        }
+        if let Some(scene) = self.scene().filter(|scene| !scene.is_file()) {
+            let what = format!("`case.scene`: there is no file {}", scene.display());
+            return Err(self.error("case.scene", what, "give the path of a scene, relative to the study"));
+        }
+        self.quantities.iter().enumerate().try_for_each(|(k, quantity)| {
+            quantity.scale.map_or(Ok(()), |scale| positive(&format!("quantities[{k}].scale"), scale))?;
+            self.check_quantity(k, quantity)
+        })?;
+        self.sweeps.iter().enumerate().try_for_each(|(k, sweep)| self.check_sweep(k, sweep))
+    }
+
+    fn check_quantity(&self, k: usize, quantity: &Quantity) -> Result<()> {
+        let at = |key: &str| format!("quantities[{k}]{key}");
+        let name = &quantity.name;
+        if self.quantities[..k].iter().any(|other| other.name == *name) {
+            return Err(self.error(
+                &at(".name"),
+                format!("`{name}`: a second quantity of this name"),
+                "names differ",
+            ));
+        }
+        let problem = matches!(self.case, Case::Problem(_));
+        if problem != matches!(quantity.of, Of::Error(_)) {
+            let help = if problem {
+                "a problem knows its errors: `of = {error = \"NAME\"}`"
+            } else {
+                "a scene has series, summary, grain and field"
+            };
+            return Err(self.error(&at(".of"), format!("`{name}`: the case has no such quantity"), help));
+        }
+        let times = quantity.at.len().max(1);
+        if matches!(quantity.of, Of::Field(_) | Of::Error(_)) && (times > 1 || quantity.exact.is_some()) {
+            let what = format!("`{name}` is looked at once, at the end, and compared as a whole");
+            return Err(self.error(&at(".of"), what, "leave out `at` and `exact`"));
+        }
+        if let Some(time) = quantity.at.iter().find(|time| **time < 0.0) {
+            return Err(self.error(
+                &at(".at"),
+                format!("`{name}`: the time {time} is below 0"),
+                "times start at 0",
+            ));
+        }
+        match (&quantity.exact, &self.reference) {
+            (Some(exact), _) if exact.len() != times => {
+                let what = format!("`{name}`: {} known values for {times} times", exact.len());
+                Err(self.error(&at(".exact"), what, "give one value per time of `at`"))
+            }
+            (Some(exact), _) if quantity.scale.is_none() && exact.iter().all(|value| *value == 0.0) => {
+                let what = format!("`{name}`: an error cannot be divided by a known value of 0");
+                Err(self.error(&at(".exact"), what, "give `scale`, what it is divided by"))
+            }
+            (None, Reference::Exact) if !problem => {
+                let what = format!("`{name}` has no known values, and the reference is `exact`");
+                Err(self.error(&at(".name"), what, "give `exact = [..]`, or another `reference`"))
+            }
+            (None, Reference::Finest | Reference::Run(_)) if problem => {
+                let what = "a problem knows its errors";
+                Err(self.error("reference", what, "use `reference = \"exact\"`"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check_sweep(&self, k: usize, sweep: &Sweep) -> Result<()> {
+        let varied = leaves(&sweep.vary);
+        for (key, values) in &varied {
+            if !values.as_array().is_some_and(|values| !values.is_empty()) {
+                let what = format!("`sweeps[{k}].vary.{key} = {values}` is no list of values");
+                return Err(self.error(
+                    &format!("sweeps[{k}].vary.{key}"),
+                    what,
+                    "give a list: `key = [1, 2, 4]`",
+                ));
+            }
+        }
+        let Some((_, values)) = varied.iter().find(|(key, _)| *key == sweep.refine) else {
+            let known: Vec<&str> = varied.iter().map(|(key, _)| key.as_str()).collect();
+            let what = format!("`sweeps[{k}].refine = \"{}\"` is not varied", sweep.refine);
+            let help = format!("use one of {}", known.join(", "));
+            return Err(self.error(&format!("sweeps[{k}].refine"), what, help));
+        };
+        for (i, value) in values.as_array().into_iter().flatten().enumerate() {
+            if number(value).is_none_or(|number| number <= 0.0) {
+                let what = format!("`{} = {value}`: what is refined has numbers above 0", sweep.refine);
+                let path = format!("sweeps[{k}].vary.{}[{i}]", sweep.refine);
+                return Err(self.error(&path, what, "give a number above 0, or refine another key"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A value as a number; of a list, such as that of the squares along x and y, the first.
+pub fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Integer(whole) => Some(*whole as f64),
+        Value::Float(number) => Some(*number),
+        Value::Array(list) => list.first().and_then(number),
+        _ => None,
+    }
+}
