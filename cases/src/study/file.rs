@@ -354,7 +354,7 @@ impl Study {
     fn check_sweep(&self, k: usize, sweep: &Sweep) -> Result<()> {
         let varied = leaves(&sweep.vary);
         for (key, values) in &varied {
-            if !values.as_array().is_some_and(|values| !values.is_empty()) {
+            if values.as_array().is_none_or(|values| values.is_empty()) {
                 let what = format!("`sweeps[{k}].vary.{key} = {values}` is no list of values");
                 return Err(self.error(
                     &format!("sweeps[{k}].vary.{key}"),

@@ -99,18 +99,19 @@ fn drawn(study: &Study, lines: &[Line]) -> Vec<Panel> {
     let refined = quantities.map(|k| {
         let order = |line: &Line| line.order(k).map(|order| format!("order {}", minus(order)));
         // Curves that lie on each other are drawn as one.
-        let mut groups: Vec<(Vec<(f64, f64)>, &Line, String)> = Vec::new();
+        let mut groups: Vec<(&Line, Curve)> = Vec::new();
         for line in lines {
             let points = places(line, k, |point| point.x);
-            match groups.iter_mut().find(|(others, ..)| coincide(others, &points)) {
-                Some((_, _, name)) => name.push_str(&format!(", {}", line.name)),
-                None => groups.push((points, line, named(line, None))),
+            match groups.iter_mut().find(|(_, curve)| coincide(&curve.points, &points)) {
+                Some((_, curve)) => curve.name.push_str(&format!(", {}", line.name)),
+                None => groups.push((line, Curve::joined(named(line, None), points))),
             }
         }
-        let curve = |(points, line, name): (Vec<(f64, f64)>, &Line, String)| {
-            Curve::joined(order(line).map_or(name.clone(), |order| format!("{name}: {order}")), points)
+        let with_order = |(line, mut curve): (&Line, Curve)| {
+            curve.name.push_str(&order(line).map_or(String::new(), |order| format!(": {order}")));
+            curve
         };
-        panel(study, k, &labels.join(", "), groups.into_iter().map(curve).collect())
+        panel(study, k, &labels.join(", "), groups.into_iter().map(with_order).collect())
     });
     timed.chain(refined).collect()
 }
