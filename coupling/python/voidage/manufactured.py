@@ -3,8 +3,8 @@
 ``python -m voidage.manufactured SOLVER --squares N`` solves steady flow with heat through a still
 field of voidage on a mesh of N x N squares and prints, as JSON, the relative errors and the time
 that the solver took. SOLVER is a module or a file, as for ``voidage.adapter``. ``voidage study``
-runs it for the solvers that are not the Rust one; sources, meshes and errors are derived here again,
-so that nothing is shared with that one but the method.
+runs it for the solvers that are not in Rust; sources, meshes and errors are derived here again, so
+that nothing is shared with the one in Rust but the method.
 """
 
 import argparse
