@@ -4,7 +4,7 @@
 //! the width. `henry-free` gives (D + kappa W)/(1 + kappa) with kappa = beta dt/(eps^2 phi rho_p), and `henry` is unstable
 //! when A (B - 1) > 2 (1 + B) (physics.md, section 5).
 
-use super::axis::{Axis, Sample, Verdict, product};
+use super::axis::{Axis, Sample, Tally, Verdict, product};
 use crate::models::{FluidSet, Vec2, grid};
 use crate::verify::Effort;
 use voidage_coupling::closure::{Surroundings, VoidageFunction};
@@ -25,6 +25,7 @@ pub const AXES: &[Axis] = &[
         title: "Pressure drop of a bed at rest over min(drag law, weight): 55 um grains in gas",
         source: "physics.md, section 5",
         labels: ["inflow / fluidisation velocity", "step / relaxation time of the grain"],
+        coupled: true,
         points: |effort| points(effort, &[1e-1, 1.0]),
         run: |point, scheme, _| GAS.run(point, scheme),
         theory: |point, scheme| GAS.theory(point, scheme),
@@ -34,6 +35,7 @@ pub const AXES: &[Axis] = &[
         title: "Pressure drop of a bed at rest over min(drag law, weight): 100 um grains in water",
         source: "physics.md, section 5",
         labels: ["inflow / fluidisation velocity", "step / relaxation time of the grain"],
+        coupled: true,
         points: |effort| points(effort, &[1e-1, 10.0]),
         run: |point, scheme, _| LIQUID.run(point, scheme),
         theory: |point, scheme| LIQUID.theory(point, scheme),
@@ -49,23 +51,29 @@ fn points(effort: Effort, few: &[f64]) -> Vec<[f64; 2]> {
 }
 
 /// Grains and fluid of a bed.
-struct Bed {
-    fluid: f64,
+pub(super) struct Bed {
+    pub fluid: f64,
     viscosity: f64,
-    solid: f64,
-    diameter: f64,
+    pub solid: f64,
+    pub diameter: f64,
 }
 
-const GAS: Bed = Bed { fluid: 1.204, viscosity: 2e-5, solid: 3200.0, diameter: 55e-6 };
-const LIQUID: Bed = Bed { fluid: 998.0, viscosity: 1e-3, solid: 2650.0, diameter: 100e-6 };
+pub(super) const GAS: Bed = Bed { fluid: 1.204, viscosity: 2e-5, solid: 3200.0, diameter: 55e-6 };
+pub(super) const LIQUID: Bed = Bed { fluid: 998.0, viscosity: 1e-3, solid: 2650.0, diameter: 100e-6 };
 
 const GRAVITY: f64 = 9.81;
 /// Of the contacts, at most.
 const TOLERANCE: f64 = 1e-6;
 /// Speed of a grain, m/s, at which a bed counts as blown apart: the terminal velocities are below 0.3.
 const RUNAWAY: f64 = 30.0;
+/// Steps between looks at the pressure drop, and its relative change from look to look below which, three times, it
+/// counts as steady: nothing more will happen.
+const LOOK: usize = 50;
+const STEADY: f64 = 1e-6;
 /// Steps in which a bed comes to rest.
 const SETTLING: usize = 300;
+/// Steps after which the flow between held grains is steady.
+pub(super) const HOLDING: usize = 40;
 /// Height of the bed in diameters.
 const ROWS: f64 = 9.0;
 /// Width and height of the box, and side of the squares of the mesh, in diameters.
@@ -74,20 +82,25 @@ const HEIGHT: usize = 28;
 const SQUARE: usize = 1;
 
 /// A bed as it lies, and the numbers that follow from its mean voidage.
-struct Lying {
-    particles: Particles<2>,
-    material: Material,
+pub(super) struct Lying {
+    pub particles: Particles<2>,
+    pub material: Material,
     /// Mean voidage.
-    voidage: f64,
+    pub voidage: f64,
     /// Fluidisation velocity, m/s.
-    fluidisation: f64,
+    pub fluidisation: f64,
     /// W, Pa.
-    weight: f64,
+    pub weight: f64,
 }
 
 impl Bed {
+    /// Width of the box, m.
+    pub fn width(&self) -> f64 {
+        WIDTH as f64 * self.diameter
+    }
+
     /// gamma / V at a superficial velocity.
-    fn drag(&self, speed: f64, voidage: f64) -> f64 {
+    pub fn drag(&self, speed: f64, voidage: f64) -> f64 {
         let around = Surroundings {
             slip: speed / voidage,
             voidage,
@@ -112,9 +125,9 @@ impl Bed {
         GRAVITY * (1.0 - self.fluid / self.solid)
     }
 
-    fn lie(&self) -> Result<Lying> {
+    pub fn lie(&self) -> Result<Lying> {
         let material = Material { density: self.solid, friction: 0.3, solidity: 0.65, ..Material::default() };
-        let (width, d) = (WIDTH as f64 * self.diameter, self.diameter);
+        let (width, d) = (self.width(), self.diameter);
         // Rows that touch the side walls: no grain rattles, which would be lifted alone.
         let region = Region { low: Vec2::zeros(), high: Vec2::new(width, ROWS * d) };
         let materials = std::slice::from_ref(&material);
@@ -144,7 +157,7 @@ impl Bed {
     }
 
     fn grains(&self, particles: Particles<2>, material: &Material, tolerance: f64) -> Result<Dem<2>> {
-        let (width, height) = (WIDTH as f64 * self.diameter, HEIGHT as f64 * self.diameter);
+        let (width, height) = (self.width(), HEIGHT as f64 * self.diameter);
         let corner = |x: f64, y: f64| Vec2::new(x, y);
         let walls = [
             [corner(0.0, 0.0), corner(width, 0.0)],
@@ -166,7 +179,7 @@ impl Bed {
     }
 
     /// The grains in the fluid, free or held; `tolerance` is that of the contacts.
-    fn system(
+    pub fn system(
         &self,
         (particles, material): (&Particles<2>, &Material),
         speed: f64,
@@ -177,7 +190,7 @@ impl Bed {
             .set()
             .flow("bottom", FlowCondition::SuperficialVelocity(Prescribed::Uniform(Vec2::new(0.0, speed))));
         let d = self.diameter;
-        let (width, height) = (WIDTH as f64 * d, HEIGHT as f64 * d);
+        let (width, height) = (self.width(), HEIGHT as f64 * d);
         let mesh = grid([width, height], [WIDTH / SQUARE, HEIGHT / SQUARE])?;
         let start = set.rest(&mesh, 0.0);
         let mut particles = particles.clone();
@@ -190,21 +203,28 @@ impl Bed {
     }
 
     /// The last of a number of steps, with the grains as they were before it.
-    fn last(&self, system: &mut Coupled<2>, dt: f64, steps: usize) -> Result<Last> {
-        let mut solves = 0;
-        let mut before = Particles::default();
+    pub fn last(&self, system: &mut Coupled<2>, dt: f64, steps: usize) -> Result<Last> {
+        let mut tally = Tally::default();
+        let (mut before, mut steady, mut drop) = (Particles::default(), 0, f64::NAN);
         for step in 1..=steps {
-            if let (true, Some(grains)) = (step == steps, &system.grains) {
+            if let Some(grains) = &system.grains {
                 before = grains.particles.clone();
             }
-            let report = system.step(dt)?;
-            solves += report.agreement.map_or(1, |agreement| agreement.solves);
+            tally.add(&system.step(dt)?);
+            if step % LOOK == 0 {
+                let now = pressure_drop(system)?;
+                steady = if (now - drop).abs() <= STEADY * now.abs() { steady + 1 } else { 0 };
+                drop = now;
+            }
+            if steady == 3 {
+                break;
+            }
             let fastest = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
             if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > RUNAWAY {
                 return Err(Error::Run("the grains run away".into()));
             }
         }
-        let width = WIDTH as f64 * self.diameter;
+        let width = self.width();
         let after = system.grains.as_ref().map_or(0.0, |grains| momentum(&grains.particles));
         let floor = system.grains.as_ref().map_or(0.0, |grains| -grains.wall_force()[0].y);
         let force = system.interaction.iter().flat_map(|both| &both.force).map(|f| f.y).sum::<f64>();
@@ -213,7 +233,7 @@ impl Bed {
             force: force / width,
             gain: (after - momentum(&before)) / (dt * width),
             floor: floor / width,
-            solves: solves as f64 / steps as f64,
+            tally,
             before,
         })
     }
@@ -227,16 +247,23 @@ impl Bed {
         let tolerance = (1e-3 * self.diameter / fall).clamp(1e-12, TOLERANCE);
         let mut free = self.system((&lying.particles, &lying.material), speed, scheme, (false, tolerance))?;
         let steps = (5.0 / step).ceil().clamp(40.0, 5000.0) as usize;
-        let lost = Sample { verdict: Verdict::Unstable, measured: f64::NAN, expected: 1.0, solves: 1.0 };
+        let lost = Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default());
         let Ok(end) = self.last(&mut free, step * relaxation, steps) else { return Ok(lost) };
         let mut held = self.system((&end.before, &lying.material), speed, scheme, (true, tolerance))?;
-        let law = self.last(&mut held, step * relaxation, steps)?;
+        // Grains that are held have one steady state, whatever the step.
+        let law = self.last(&mut held, step.max(1.0) * relaxation, HOLDING)?;
         // A bed that rises takes its weight, what its momentum grows by, and not what some grains left on the floor.
         let carried = if ratio > 1.0 { lying.weight + end.gain - end.floor } else { lying.weight };
         // The mean pressure of the nodes on the floor differs from the force on the floor by the error of the mesh, the
         // same for the grains when they are held.
         let measured = end.drop * law.force / law.drop / law.force.min(carried);
-        Ok(Sample::judge(measured.abs() < 1e3, measured, 1.0, ALLOWED, end.solves))
+        let sample = Sample::judge(measured.abs() < 1e3, measured, 1.0, ALLOWED, end.tally);
+        let curves = vec![
+            ("pressure drop / weight", 0.0, end.drop * law.force / law.drop / lying.weight),
+            ("drag law / weight", 0.0, law.force / lying.weight),
+            ("voidage", 0.0, lying.voidage),
+        ];
+        Ok(Sample { curves, ..sample })
     }
 
     /// Whether a scheme should pass; none where there is no theory.
@@ -257,19 +284,18 @@ impl Bed {
 }
 
 /// The last step of a run.
-struct Last {
+pub(super) struct Last {
     /// Pressure drop, Pa.
-    drop: f64,
+    pub drop: f64,
     /// Upward force of the fluid on the grains per width, Pa.
-    force: f64,
+    pub force: f64,
     /// Growth of the grains' upward momentum per width, Pa.
-    gain: f64,
+    pub gain: f64,
     /// Force on the floor per width, Pa.
     floor: f64,
-    /// Solutions of the fluid per step.
-    solves: f64,
+    pub tally: Tally,
     /// The grains before it, where the fluid saw them.
-    before: Particles<2>,
+    pub before: Particles<2>,
 }
 
 /// Upward momentum of the grains, kg m/s.
@@ -278,7 +304,7 @@ fn momentum(particles: &Particles<2>) -> f64 {
 }
 
 /// Mean pressure on the bottom less that on the top, Pa.
-fn pressure_drop(system: &mut Coupled<2>) -> Result<f64> {
+pub(super) fn pressure_drop(system: &mut Coupled<2>) -> Result<f64> {
     let Some(fluid) = &mut system.fluid else { return Ok(f64::NAN) };
     let fields = fluid.backend.fields()?;
     let (low, high) = fluid.mesh.bounds();
