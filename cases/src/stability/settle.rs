@@ -30,7 +30,7 @@ const SAME: f64 = 0.02;
 const FASTER: f64 = 0.1;
 /// Multiple of the terminal velocity of a lone grain at which grains run away.
 const RUNAWAY: f64 = 20.0;
-/// Share of the terminal velocity of a lone grain below which grains count as at rest.
+/// Share of the terminal velocity of a lone grain, at the end of that of the fastest, below which grains count as at rest.
 const REST: f64 = 2e-2;
 /// Penetration of a step, as a share of the radius, and defect of the exchange that pass.
 const PENETRATION: f64 = 1e-2;
@@ -273,7 +273,7 @@ impl Suspension {
         let short = self.with_short_steps()?;
         let system = self.system(self.loose()?, scheme)?;
         let end = self.follow(system, step * self.relaxation(), Until::Time(short.time));
-        Ok(self.judge(end, aim, short.height, short.fastest))
+        Ok(judge(end, aim, short.height, short.fastest))
     }
 
     fn rests(&self, step: f64, scheme: SchemeName) -> Result<Sample> {
@@ -282,29 +282,29 @@ impl Suspension {
         particles.velocity.fill(Vec2::zeros());
         let dt = step * self.relaxation();
         let end = self.follow(self.system(particles, scheme)?, dt, Until::Time(50.0 * dt));
-        Ok(self.judge(end, Aim::Height, short.height, short.fastest))
+        Ok(judge(end, Aim::Height, short.height, short.fastest))
     }
+}
 
-    /// No grain faster than allowed, all at rest, forces and contacts sound, the bed as high. Runs that end early are unstable.
-    fn judge(&self, end: Result<End>, aim: Aim, height: f64, fastest: f64) -> Sample {
-        let Ok(end) = end else { return Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default()) };
-        let (height, speed) = (end.height / height, end.fastest / fastest);
-        let sound = end.penetration <= PENETRATION && end.defect <= BALANCED;
-        let (measured, same) = match aim {
-            Aim::Height => (height, (height - 1.0).abs() <= SAME),
-            Aim::Speed => (speed, true),
-        };
-        let right = same && sound && speed <= 1.0 + FASTER && end.last <= REST * self.terminal();
-        let verdict = if right { Verdict::Passes } else { Verdict::Wrong };
-        let curves = vec![
-            ("fastest grain / with short steps", 0.0, speed),
-            ("height / with short steps", 0.0, height),
-            ("fastest in the last step / terminal velocity", 0.0, end.last / self.terminal()),
-            ("largest penetration / radius", 0.0, end.penetration),
-            ("momentum exchange defect", 0.0, end.defect),
-        ];
-        Sample { curves, ..Sample::new(verdict, measured, 1.0, end.tally) }
-    }
+/// No grain faster than allowed, all at rest, forces and contacts sound, the bed as high. Runs that end early are unstable.
+fn judge(end: Result<End>, aim: Aim, height: f64, fastest: f64) -> Sample {
+    let Ok(end) = end else { return Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default()) };
+    let (height, speed) = (end.height / height, end.fastest / fastest);
+    let sound = end.penetration <= PENETRATION && end.defect <= BALANCED;
+    let (measured, same) = match aim {
+        Aim::Height => (height, (height - 1.0).abs() <= SAME),
+        Aim::Speed => (speed, true),
+    };
+    let right = same && sound && speed <= 1.0 + FASTER && end.last <= REST * fastest;
+    let verdict = if right { Verdict::Passes } else { Verdict::Wrong };
+    let curves = vec![
+        ("fastest grain / with short steps", 0.0, speed),
+        ("height / with short steps", 0.0, height),
+        ("fastest in the last step / with short steps", 0.0, end.last / fastest),
+        ("largest penetration / radius", 0.0, end.penetration),
+        ("momentum exchange defect", 0.0, end.defect),
+    ];
+    Sample { curves, ..Sample::new(verdict, measured, 1.0, end.tally) }
 }
 
 /// What a point measures.
