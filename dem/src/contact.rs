@@ -74,7 +74,13 @@ impl<const D: usize> Contact<D> {
     /// The impulse that solves this contact alone, for the relative velocity `u` under the impulse `p`;
     /// `cohesion` is c (N s); `bound` what friction may reach, mu (p_n + c) if none is given.
     #[inline(always)]
-    pub fn solve<L: Law>(&self, p: &Vector<D>, u: &Vector<D>, cohesion: f64, bound: Option<f64>) -> Vector<D> {
+    pub fn solve<L: Law>(
+        &self,
+        p: &Vector<D>,
+        u: &Vector<D>,
+        cohesion: f64,
+        bound: Option<f64>,
+    ) -> Vector<D> {
         let n = &self.normal;
         let (un, pn) = (u.dot(n), p.dot(n));
         let floor = if L::COHESION { -cohesion } else { 0.0 };

@@ -127,7 +127,9 @@ fn two_sizes(ratio: f64, most: usize) -> Vec<f64> {
     let every = (small / large).max(1);
     let radius = 0.5 * DIAMETER;
     (0..small + large)
-        .map(|k| if k % (every + 1) == every / 2 && k / (every + 1) < large { radius * ratio } else { radius })
+        .map(
+            |k| if k % (every + 1) == every / 2 && k / (every + 1) < large { radius * ratio } else { radius },
+        )
         .collect()
 }
 
@@ -141,8 +143,13 @@ fn pour(radii: Vec<f64>, friction: f64, mass: impl Fn(usize) -> f64, steps: usiz
     let count = radii.len();
     // Where a deposit starts is a loose lattice with jitter; a single step of it leaves it there.
     let region = Region { low: Vec2::zeros(), high: Vec2::new(width, width) };
-    let fill =
-        Fill { radii: Radii::List(radii), amount: Amount::Count(count), material: 0, materials: &materials, seed: 3 };
+    let fill = Fill {
+        radii: Radii::List(radii),
+        amount: Amount::Count(count),
+        material: 0,
+        materials: &materials,
+        seed: 3,
+    };
     let how = Deposit { friction: None, rest: 0.0, max_steps: 1 };
     let mut particles = deposit(&region, &fill, &how)?.particles.rotating();
     for k in 0..count {

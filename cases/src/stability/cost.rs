@@ -9,15 +9,14 @@ use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Result};
 
 /// Steps of each.
-const STEPS: usize = 50;
+const STEPS: usize = 30;
 
 /// Prints solutions of the fluid, contact sweeps and time per step, scheme by scheme.
 pub fn print(schemes: &[SchemeName]) -> Result<()> {
     println!("{:<44} {:<11} {:>9} {:>9} {:>9} {:>9}", "", "scheme", "solutions", "sweeps", "unsolved", "ms");
     let suspension = Suspension::fine(100.0, Effort::Full);
-    let falling = |scheme| {
-        Ok((suspension.system(suspension.loose()?, scheme)?, 10.0 * suspension.relaxation()))
-    };
+    let falling =
+        |scheme| Ok((suspension.system(suspension.loose()?, scheme)?, 10.0 * suspension.relaxation()));
     let systems: [(&str, Box<Start<'_>>); 4] = [
         ("gas bed at rest, U/U_mf 0.6, dt/tau 1", Box::new(|scheme| lying(&GAS, 0.6, 1.0, scheme))),
         ("gas bed, U/U_mf 1.2, dt/tau 0.1", Box::new(|scheme| lying(&GAS, 1.2, 0.1, scheme))),
@@ -56,6 +55,6 @@ fn lying(bed: &Bed, ratio: f64, step: f64, scheme: SchemeName) -> Result<(Couple
     let lying = bed.lie()?;
     let speed = ratio * lying.fluidisation;
     let relaxation = bed.solid / bed.drag(speed, lying.voidage);
-    let system = bed.system((&lying.particles, &lying.material), speed, scheme, (false, 1e-6))?;
+    let system = bed.system((&lying.particles, &lying.material), speed, scheme, (false, 1e-4))?;
     Ok((system, step * relaxation))
 }

@@ -6,7 +6,7 @@
 //! weight less what the floor still carries, by the balance of momentum of the grains.
 
 use super::axis::{Axis, Sample, Tally, Verdict};
-use super::bed::{Bed, GAS, HOLDING, LIQUID, Lying, momentum, pressure_drop};
+use super::bed::{Bed, GAS, LIQUID, Lying, momentum, pressure_drop};
 use crate::models::Vec2;
 use crate::verify::Effort;
 use voidage_coupling::scheme::SchemeName;
@@ -73,7 +73,7 @@ fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sam
         let Ok((drop, lifted)) = hold(&mut system, speed, (dt, steps), inflow > 1.0, &mut tally) else {
             return Ok(Sample { curves, ..Sample::new(Verdict::Unstable, f64::NAN, 1.0, tally) });
         };
-        let (law, error) = held(bed, &lying, &system, speed, relaxation)?;
+        let (law, error) = held(bed, &lying, &system, speed, (dt, steps))?;
         let drop = drop * error / lying.weight;
         let law = if inflow > 1.0 { 1.0 + lifted / (bed.width() * lying.weight) } else { law / lying.weight };
         let expected = law.min(1.0);
@@ -126,14 +126,16 @@ fn hold(
 }
 
 /// Drag of the grains held where they are, over the width, Pa, and over what the pressure drop says (an error of the mesh).
-fn held(bed: &Bed, lying: &Lying, system: &Coupled<2>, speed: f64, relaxation: f64) -> Result<(f64, f64)> {
+fn held(
+    bed: &Bed,
+    lying: &Lying,
+    system: &Coupled<2>,
+    speed: f64,
+    (dt, steps): (f64, usize),
+) -> Result<(f64, f64)> {
     let grains = system.grains.as_ref().ok_or_else(|| Error::Run("no grains".into()))?;
     let mut held =
         bed.system((&grains.particles, &lying.material), speed, SchemeName::default(), (true, TOLERANCE))?;
-    for _ in 0..HOLDING {
-        held.step(relaxation)?;
-    }
-    let force = held.interaction.iter().flat_map(|both| &both.force).map(|force| force.y).sum::<f64>();
-    let law = force / bed.width();
-    Ok((law, law / pressure_drop(&mut held)?))
+    let last = bed.last(&mut held, dt, (steps, 1))?;
+    Ok((last.force, last.force / last.drop))
 }

@@ -23,7 +23,10 @@ pub const AXES: &[Axis] = &[Axis {
     labels: ["motion of a node per step / element size", "step / relaxation time of the grain"],
     coupled: true,
     points: |effort| {
-        effort.pick(product(&[0.01, 1.0], &[1.0]), product(&[0.01, 0.03, 0.1, 0.3, 1.0], &[0.1, 1.0, 10.0, 100.0]))
+        effort.pick(
+            product(&[0.01, 1.0], &[1.0]),
+            product(&[0.01, 0.03, 0.1, 0.3, 1.0], &[0.1, 1.0, 10.0, 100.0]),
+        )
     },
     run: |[motion, step], scheme, _| swing(motion, step, scheme),
     theory: |_, _| None,

@@ -110,7 +110,8 @@ pub fn stability(options: &Options) -> Result<u8> {
     progress.tell(done, "done");
     let rows = || record.rows().iter().filter(|row| chosen.iter().any(|axis| axis.name == row.axis));
     for axis in &chosen {
-        let drawn: Vec<Panel> = of(axis).into_iter().map(|scheme| panel(axis, scheme, record.rows())).collect();
+        let drawn: Vec<Panel> =
+            of(axis).into_iter().map(|scheme| panel(axis, scheme, record.rows())).collect();
         for page in panels::pages(&options.out, axis.name, &drawn)? {
             println!("{}", page.display());
         }

@@ -14,15 +14,17 @@ const INFLOW: f64 = 0.3;
 pub fn draw(folder: &Path, record: &Record) -> Result<Vec<PathBuf>> {
     let mut drawn = vec![];
     let beds = [("bed-gas", "55 \u{b5}m grains in gas"), ("bed-liquid", "100 \u{b5}m grains in water")];
-    let laws: Vec<Panel> = beds.iter().filter_map(|(axis, title)| law(axis, title, record.places())).collect();
+    let laws: Vec<Panel> =
+        beds.iter().filter_map(|(axis, title)| law(axis, title, record.places())).collect();
     if !laws.is_empty() {
         drawn.extend(panels::pages(folder, "bed-law", &laws)?);
     }
     let mut curves = vec![];
     for scheme in [SchemeName::Iterated, SchemeName::HenryFree] {
-        for (axis, density) in
-            [("fluidisation-gas", GAS.solid / GAS.fluid), ("fluidisation-liquid", LIQUID.solid / LIQUID.fluid)]
-        {
+        for (axis, density) in [
+            ("fluidisation-gas", GAS.solid / GAS.fluid),
+            ("fluidisation-liquid", LIQUID.solid / LIQUID.fluid),
+        ] {
             let medium = if density > 100.0 { "gas" } else { "water" };
             curves.extend(fluidisation(axis, &format!("{scheme}, {medium}"), scheme, record.places()));
         }
@@ -46,7 +48,8 @@ fn law(axis: &str, title: &str, places: &[Place]) -> Option<Panel> {
     let (drag, voidage) = (first("drag law / weight")?, first("voidage")?);
     let steps: Vec<f64> = (0..=140).map(|k| 10f64.powf(-3.0 + 0.05 * f64::from(k))).collect();
     let formula = |step: f64| {
-        let kappa = step / (voidage * voidage);
+        // kappa = beta dt/(eps^2 phi rho_p) is in proportion to the drag law, which on this mesh is not that of the mean voidage.
+        let kappa = step / (voidage * voidage) * drag / INFLOW;
         (drag + kappa) / (1.0 + kappa)
     };
     let mut panel = Panel::new(
@@ -55,15 +58,21 @@ fn law(axis: &str, title: &str, places: &[Place]) -> Option<Panel> {
         "pressure drop / weight of the bed",
     );
     panel.log[0] = true;
+    panel.headroom = 0.35;
     panel.curves = vec![
         Curve::line("drag law", steps.iter().map(|step| (*step, drag)).collect()),
-        Curve::dashes("(D + \u{3ba} W) / (1 + \u{3ba})", steps.iter().map(|step| (*step, formula(*step))).collect()),
+        Curve::dashes(
+            "(D + \u{3ba} W) / (1 + \u{3ba})",
+            steps.iter().map(|step| (*step, formula(*step))).collect(),
+        ),
     ];
     // What does not end at a sensible drop is unstable: the map shows it, not this picture.
     for scheme in [SchemeName::Iterated, SchemeName::HenryFree, SchemeName::Henry, SchemeName::Lagged] {
         let points = of("pressure drop / weight", scheme);
         let points: Vec<_> = points.into_iter().filter(|(_, drop)| (-0.1..1.5).contains(drop)).collect();
-        panel.curves.push(Curve::points(if points.is_empty() { String::new() } else { scheme.to_string() }, points));
+        panel
+            .curves
+            .push(Curve::points(if points.is_empty() { String::new() } else { scheme.to_string() }, points));
     }
     Some(panel)
 }
@@ -74,16 +83,13 @@ fn fluidisation(axis: &str, title: &str, scheme: SchemeName, places: &[Place]) -
     let mut steps: Vec<f64> = here.iter().map(|place| place.y).collect();
     steps.sort_by(f64::total_cmp);
     steps.dedup();
-    let longest = *steps.last()?;
-    let known = |place: &&&Place| place.curve == "min(drag law, weight)";
-    let mut law: Vec<(f64, f64)> =
-        here.iter().filter(known).filter(|p| p.value <= 1.0 && (p.y == longest || p.at > 1.0)).map(|p| (p.at, p.value)).collect();
-    // D is in proportion to the inflow at these Reynolds numbers: the corner lies at 1.
-    law.extend([(0.0, 0.0), (1.0, 1.0)]);
-    law.sort_by(|a, b| a.0.total_cmp(&b.0));
-    law.dedup_by(|a, b| a.0 == b.0);
+    // The drag law of the bed as it lay at first is in proportion to the inflow at these Reynolds numbers.
+    let first = here.iter().find(|place| place.curve == "min(drag law, weight)")?;
+    let (slope, last) = (first.value / first.at, here.iter().fold(0.0, |most: f64, p| most.max(p.at)));
+    let law = vec![(0.0, 0.0), (1.0 / slope, 1.0), (last.max(1.0 / slope), 1.0)];
     let mut panel = Panel::new(title, "inflow / fluidisation velocity", "pressure drop / weight of the bed");
-    panel.curves = vec![Curve::line("min(drag law, weight)", law)];
+    panel.headroom = 0.35;
+    panel.curves = vec![Curve::line("min(drag law, weight) of the bed as it lay", law)];
     for step in steps {
         let on = here.iter().filter(|place| place.y == step && place.curve != "min(drag law, weight)");
         let course = on.map(|place| (place.at, place.value)).collect();

@@ -117,14 +117,24 @@ impl Record {
 
     /// Whether a point is there.
     pub fn has(&self, axis: &Axis, scheme: SchemeName, [x, y]: [f64; 2]) -> bool {
-        self.rows().iter().any(|row| row.axis == axis.name && row.scheme == scheme && row.x == x && row.y == y)
+        self.rows()
+            .iter()
+            .any(|row| row.axis == axis.name && row.scheme == scheme && row.x == x && row.y == y)
     }
 
     /// Adds a point; its curves first, so that a point that is there is there with them.
     pub fn add(&mut self, axis: &Axis, scheme: SchemeName, point: [f64; 2], sample: &Sample) -> Result<()> {
         let ([x, y], tally) = (point, sample.tally);
         for &(curve, at, value) in &sample.curves {
-            self.places.add(Place { axis: axis.name.into(), scheme, x, y, curve: curve.into(), at, value })?;
+            self.places.add(Place {
+                axis: axis.name.into(),
+                scheme,
+                x,
+                y,
+                curve: curve.into(),
+                at,
+                value,
+            })?;
         }
         self.points.add(Row {
             axis: axis.name.into(),
