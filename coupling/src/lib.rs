@@ -362,7 +362,10 @@ impl<const D: usize> Coupled<D> {
         let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
         let load =
             Load { force: &push.force, drag: &load.drag, heat: &push.heat, transfer, ..Load::default() };
-        report.grains = Some(grains.step(dt, &load));
+        // Sweeps of trials count too.
+        let before = report.grains.map_or(0, |grains| grains.sweeps);
+        let moved = grains.step(dt, &load);
+        report.grains = Some(voidage_dem::StepReport { sweeps: before + moved.sweeps, ..moved });
         report.phases.contacts += start.elapsed().as_secs_f64();
     }
 

@@ -24,6 +24,8 @@ pub(crate) struct Problem<const D: usize> {
     pub cohesion: Vec<f64>,
     pub tiles: Tiles,
     pub friction: bool,
+    /// What friction may reach at each contact once it lags, N s; empty before.
+    bounds: Vec<f64>,
     /// Impulses before the last sweep, and velocities; empty without momentum.
     last: Vec<Vector<D>>,
     last_velocity: Vec<Vector<D>>,
@@ -53,6 +55,15 @@ pub(crate) struct Outcome {
 const FORK: usize = 10_000;
 /// Sweeps between looks at the true residual at least.
 const LOOK: usize = 4;
+
+/// Sweeps after which friction lags behind the normal impulse, and the share of the difference that a sweep makes up.
+///
+/// A sweep is no contraction when friction is strong: normal impulse and the bound mu p_n of the tangential one chase each
+/// other round a cycle. With the bound held, the problem is convex and sweeps converge; so the bound follows slowly. In beds with
+/// friction 10 half as many steps stay unsolved, and the worst of them lets grains overlap by a tenth as much; below 1 friction
+/// is solved before it lags.
+const LAGGING: usize = 200;
+const FOLLOW: f64 = 0.05;
 
 /// How far the next sweep starts beyond the last one: p + beta (p - last p).
 ///
@@ -145,9 +156,13 @@ impl<const D: usize> Problem<D> {
     fn solve_with<L: Law>(&mut self, stopping: &Stopping) -> Outcome {
         let mut outcome = Outcome { sweeps: 0, residual: self.residual::<L>(stopping.floor) };
         let mut last_look = 0;
+        self.bounds.clear();
         let mut momentum = Momentum::default();
         self.start_momentum(stopping.momentum);
         while outcome.residual > stopping.tolerance && outcome.sweeps < stopping.max_sweeps {
+            if L::FRICTION && outcome.sweeps >= LAGGING {
+                self.follow_bounds();
+            }
             let [change, size, turn] = if stopping.momentum {
                 self.extrapolate(momentum.beta);
                 self.sweep::<L, true>(momentum.beta)
@@ -167,6 +182,20 @@ impl<const D: usize> Problem<D> {
             }
         }
         outcome
+    }
+
+    /// Moves the bounds of friction towards mu (p_n + c).
+    fn follow_bounds(&mut self) {
+        let cohesion = |k: usize| self.cohesion.get(k).copied().unwrap_or(0.0);
+        let bound = |k: usize, c: &Contact<D>| c.friction * (c.impulse.dot(&c.normal) + cohesion(k));
+        if self.bounds.is_empty() {
+            crate::reserve(&mut self.bounds, self.contacts.len());
+            self.bounds.extend(self.contacts.iter().enumerate().map(|(k, c)| bound(k, c)));
+        } else {
+            for (k, (lagging, c)) in self.bounds.iter_mut().zip(&self.contacts).enumerate() {
+                *lagging += FOLLOW * (bound(k, c) - *lagging);
+            }
+        }
     }
 
     fn start_momentum(&mut self, on: bool) {
@@ -210,10 +239,11 @@ impl<const D: usize> Problem<D> {
 
     /// One pass over all contacts; its sums.
     fn sweep<L: Law, const MOMENTUM: bool>(&mut self, beta: f64) -> Sums {
-        let (bodies, cohesion) = (&self.bodies, &self.cohesion);
+        let (bodies, cohesion, bounds) = (&self.bodies, &self.cohesion, &self.bounds);
         let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], first: usize| {
             let mut sums = [0.0; 3];
             for (k, c) in contacts.iter_mut().enumerate() {
+                let bound = if L::FRICTION { bounds.get(first + k).copied() } else { None };
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
                 let before = c.impulse;
                 let mut start = before;
@@ -221,7 +251,7 @@ impl<const D: usize> Problem<D> {
                     start += (before - last[k]) * beta;
                     last[k] = before;
                 }
-                let change = relax::<L, D>(bodies, c, &start, cohesion);
+                let change = relax::<L, D>(bodies, c, &start, cohesion, bound);
                 let turn = if MOMENTUM { -change.dot(&(c.impulse - before)) } else { 0.0 };
                 sums = add(sums, [change.norm_squared(), c.impulse.norm_squared(), turn]);
             }
@@ -293,16 +323,18 @@ fn relative<L: Law, const D: usize>(bodies: &Bodies<D>, c: &Contact<D>) -> Vecto
     if L::SPIN { bodies.relative::<true>(i, j, &c.normal) } else { bodies.relative::<false>(i, j, &c.normal) }
 }
 
-/// Solves one contact exactly from the impulse `start`, moves its two bodies, and returns the change.
+/// Solves one contact exactly from the impulse `start`, with friction up to `bound` if that lags, moves its two bodies, and
+/// returns the change.
 #[inline(always)]
 fn relax<L: Law, const D: usize>(
     bodies: &Bodies<D>,
     c: &mut Contact<D>,
     start: &Vector<D>,
     cohesion: f64,
+    bound: Option<f64>,
 ) -> Vector<D> {
     let u = relative::<L, D>(bodies, c);
-    c.impulse = c.solve::<L>(start, &u, cohesion);
+    c.impulse = c.solve::<L>(start, &u, cohesion, bound);
     let change = c.impulse - start;
     if change.iter().any(|x| *x != 0.0) {
         let (i, j) = (c.i as usize, c.j as usize);

@@ -6,10 +6,16 @@
 
 mod axis;
 mod bed;
+mod contacts;
+mod cost;
+mod fluidisation;
+mod mesh;
 mod modes;
+mod pictures;
 mod record;
+mod settle;
 
-pub use axis::{Axis, Sample, Verdict};
+pub use axis::{Axis, Sample, Tally, Verdict};
 
 use crate::plot::panels::{self, Curve, Panel};
 use crate::progress::Progress;
@@ -35,6 +41,9 @@ pub struct Options {
     /// Only this scheme (may be repeated).
     #[arg(long, value_name = "SCHEME", value_parser = scheme)]
     scheme: Vec<SchemeName>,
+    /// Print what a step costs with each scheme, and stop.
+    #[arg(long)]
+    costs: bool,
 }
 
 /// A scheme by its name.
@@ -46,7 +55,7 @@ fn scheme(name: &str) -> std::result::Result<SchemeName, String> {
 
 /// All axes, in the order in which they run.
 pub fn axes() -> Vec<Axis> {
-    [modes::AXES, bed::AXES].concat()
+    [modes::AXES, contacts::AXES, settle::AXES, mesh::AXES, fluidisation::AXES, bed::AXES].concat()
 }
 
 /// Runs the map; exit code 1 if the default scheme fails anywhere.
@@ -66,14 +75,19 @@ pub fn stability(options: &Options) -> Result<u8> {
     create_folder(&folder)?;
     let effort = if suite.quick { Effort::Quick } else { Effort::Full };
     let schemes = if options.scheme.is_empty() { SchemeName::ALL.to_vec() } else { options.scheme.clone() };
-    let mut record = Record::open(&folder.join("stability.csv"))?;
+    if options.costs {
+        cost::print(&schemes)?;
+        return Ok(0);
+    }
+    let mut record = Record::open(&folder)?;
     let points = |axis: &Axis| (axis.points)(effort);
-    let all: usize = chosen.iter().map(|axis| points(axis).len() * schemes.len()).sum();
+    let of = |axis: &Axis| if axis.coupled { schemes.clone() } else { vec![SchemeName::default()] };
+    let all: usize = chosen.iter().map(|axis| points(axis).len() * of(axis).len()).sum();
     let progress = Progress::of("point", 0, all as u64, suite.quiet);
     let mut done = 0;
     for axis in &chosen {
         for point in points(axis) {
-            for &scheme in &schemes {
+            for scheme in of(axis) {
                 done += 1;
                 if !record.has(axis, scheme, point) {
                     progress.tell(done - 1, axis.name);
@@ -83,12 +97,16 @@ pub fn stability(options: &Options) -> Result<u8> {
         }
     }
     progress.tell(done, "done");
-    let rows = || record.rows.iter().filter(|row| chosen.iter().any(|axis| axis.name == row.axis));
+    let rows = || record.rows().iter().filter(|row| chosen.iter().any(|axis| axis.name == row.axis));
     for axis in &chosen {
-        let drawn: Vec<Panel> = schemes.iter().map(|&scheme| panel(axis, scheme, &record.rows)).collect();
+        let drawn: Vec<Panel> =
+            of(axis).into_iter().map(|scheme| panel(axis, scheme, record.rows())).collect();
         for page in panels::pages(&folder, axis.name, &drawn)? {
             println!("{}", page.display());
         }
+    }
+    for page in pictures::draw(&options.out, &record)? {
+        println!("{}", page.display());
     }
     for &scheme in &schemes {
         summarise(scheme, rows().filter(|row| row.scheme == scheme));
@@ -101,7 +119,7 @@ pub fn stability(options: &Options) -> Result<u8> {
 pub fn sample(axis: &Axis, point: [f64; 2], scheme: SchemeName, effort: Effort) -> Sample {
     (axis.run)(point, scheme, effort).unwrap_or_else(|error| {
         warn!("{} at {point:?} with {scheme}: {error}", axis.name);
-        Sample { verdict: Verdict::Failed, measured: f64::NAN, expected: f64::NAN, solves: f64::NAN }
+        Sample::new(Verdict::Failed, f64::NAN, f64::NAN, Tally::default())
     })
 }
 
@@ -148,7 +166,10 @@ fn panel(axis: &Axis, scheme: SchemeName, rows: &[Row]) -> Panel {
         let points = of(verdicts);
         Curve::points(if points.is_empty() { "" } else { name }, points)
     };
-    let mut panel = Panel::log_log(scheme.to_string(), axis.labels[0], axis.labels[1]);
+    let title = if axis.coupled { scheme.to_string() } else { axis.name.into() };
+    let mut panel = Panel::log_log(title, axis.labels[0], axis.labels[1]);
+    // An axis that starts at zero is linear.
+    panel.log[0] = rows.iter().filter(|row| row.axis == axis.name).all(|row| row.x > 0.0);
     panel.headroom = 0.25;
     panel.curves = vec![
         points("passes", &[Verdict::Passes]),

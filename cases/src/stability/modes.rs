@@ -4,7 +4,7 @@
 //! volume and slip: A = beta dt/(eps rho_f), B = beta dt/(phi rho_p) = dt over the relaxation time of a grain,
 //! r = (rho_f/rho_p)(phi/eps), so that A = B phi rho_p/(eps rho_f) and the K of physics.md is B/eps.
 
-use super::axis::{Axis, Sample, Verdict, product};
+use super::axis::{Axis, Sample, Tally, Verdict, product};
 use crate::models::{
     FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
 };
@@ -39,6 +39,7 @@ pub const AXES: &[Axis] = &[
         title: "Grains against fluid in a closed box, voidage 0.6",
         source: "physics.md, section 8: roots of the closed box",
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
+        coupled: true,
         points: |effort| match effort {
             Effort::Quick => product(&[0.01, 1.0, 2500.0], &[1e-2, 1.0, 1e3, 1e6]),
             Effort::Full => product(&DENSITY, &STEP),
@@ -53,6 +54,7 @@ pub const AXES: &[Axis] = &[
         title: "The same at grain density / fluid density 2.65",
         source: "physics.md, section 8: roots of the closed box",
         labels: ["voidage", "step / relaxation time of the grain"],
+        coupled: true,
         points: |effort| match effort {
             Effort::Quick => product(&[0.9, 1e-2, 1e-4], &[1e-2, 1.0, 1e3]),
             Effort::Full => product(&VOIDAGE, &STEP),
@@ -69,6 +71,7 @@ pub const AXES: &[Axis] = &[
         title: "Slip without constraint, voidage 0.6",
         source: "physics.md, section 8: slip in a periodic box",
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
+        coupled: true,
         points: |effort| match effort {
             Effort::Quick => product(&[0.01, 1.0, 2500.0], &[1e-2, 1.0, 1e3, 1e6]),
             Effort::Full => product(&DENSITY, &STEP),
@@ -81,6 +84,7 @@ pub const AXES: &[Axis] = &[
         title: "Shear of the fluid in a bed that rests on walls, voidage 0.6",
         source: "physics.md, section 5: (1 + B - A B)/(1 + A + B) and its like",
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
+        coupled: true,
         points: |effort| match effort {
             Effort::Quick => product(&[0.1, 2.65, 2500.0], &[1e-2, 1.0, 1e2, 1e4]),
             Effort::Full => product(&DENSITY, &STEP),
@@ -97,6 +101,7 @@ pub const AXES: &[Axis] = &[
         title: "Temperatures of grains and fluid in an insulated box",
         source: "physics.md, section 8: heat box",
         labels: ["capacity of grains / of fluid, per volume", "hA dt / (m c)"],
+        coupled: true,
         points: |effort| match effort {
             Effort::Quick => product(&[0.1, 1000.0], &[1e-2, 1.0, 1e3, 1e6]),
             Effort::Full => product(&[0.01, 0.1, 1.0, 10.0, 1000.0], &STEP),
@@ -253,11 +258,11 @@ fn ended(share: f64) -> bool {
     !(VANISHED..GROWN).contains(&share.abs())
 }
 
-/// A mode over the steps: its size, what each step misses of the recursion (as a share of the mode), the solutions.
+/// A mode over the steps: its size, what each step misses of the recursion (as a share of the mode), what it took.
 struct Course {
     sizes: Vec<f64>,
     missed: Vec<f64>,
-    solves: usize,
+    tally: Tally,
 }
 
 /// Elements of the closed box along the mode.
@@ -278,7 +283,7 @@ fn closed_box(mixture: Mixture, b: f64, scheme: SchemeName) -> Result<Sample> {
     if mixture.voidage() < RESOLVED && (growth <= 1.0) == (root <= 1.0) {
         deviation = 0.0;
     }
-    Ok(judge(deviation, growth, root, fine.solves as f64 / steps as f64))
+    Ok(judge(deviation, growth, root, fine.tally))
 }
 
 fn half_wave(mixture: Mixture, b: f64, scheme: SchemeName, count: usize) -> Result<Course> {
@@ -306,11 +311,11 @@ fn half_wave(mixture: Mixture, b: f64, scheme: SchemeName, count: usize) -> Resu
     };
     let (dt, (p, q)) = (mixture.step(&set, b), mixture.recursion(scheme, b));
     let first = mode(&system);
-    let mut course = Course { sizes: vec![1.0], missed: vec![], solves: 0 };
+    let mut course = Course { sizes: vec![1.0], missed: vec![], tally: Tally::default() };
     let mut old: f64 = 1.0;
     for step in 0..STEPS {
         let report = system.step(dt)?;
-        course.solves += report.agreement.map_or(1, |agreement| agreement.solves);
+        course.tally.add(&report);
         let (now, last) = (mode(&system) / first, course.sizes[step]);
         let size = now.abs().max(last.abs()).max(old.abs());
         course.missed.push((now - p * last - q * old) / size);
@@ -324,14 +329,14 @@ fn half_wave(mixture: Mixture, b: f64, scheme: SchemeName, count: usize) -> Resu
 }
 
 /// A mode that follows its theory is as stable as theory says; else its growth decides.
-fn judge(deviation: f64, growth: f64, root: f64, solves: f64) -> Sample {
+fn judge(deviation: f64, growth: f64, root: f64, tally: Tally) -> Sample {
     let verdict = match deviation <= ALLOWED {
         true if root <= 1.0 + 1e-9 => Verdict::Passes,
         true => Verdict::Unstable,
         false if growth <= 1.0 => Verdict::Wrong,
         false => Verdict::Unstable,
     };
-    Sample { verdict, measured: growth, expected: root, solves }
+    Sample::new(verdict, growth, root, tally)
 }
 
 /// The mixture turns like a rigid body in a round box, the fluid against the grains: no strain, no divergence, nothing but
@@ -376,24 +381,23 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
     };
     let mut last = relative_turn(&mut system, held)?;
     // A recursion of two steps is compared from the second step on.
-    let (first, mut worst, mut solves, mut steps, mut old) = (last, 0.0f64, 0, 0, None);
-    while steps < STEPS {
+    let (first, mut worst, mut tally, mut old) = (last, 0.0f64, Tally::default(), None);
+    while tally.steps < STEPS {
         let report = system.step(dt)?;
-        solves += report.agreement.map_or(1, |agreement| agreement.solves);
+        tally.add(&report);
         let now = relative_turn(&mut system, held)?;
         if let Some(old) = old.or((q == 0.0).then_some(0.0)) {
             let size = now.abs().max(last.abs()).max(f64::abs(old));
             worst = worst.max((now - p * last - q * old).abs() / size);
         }
-        steps += 1;
         old = Some(last);
         last = now;
         if ended(now / first) {
             break;
         }
     }
-    let growth = (last / first).abs().powf(1.0 / steps as f64);
-    Ok(judge(worst, growth, larger_root((p, q)), solves as f64 / steps as f64))
+    let growth = (last / first).abs().powf(1.0 / tally.steps as f64);
+    Ok(judge(worst, growth, larger_root((p, q)), tally))
 }
 
 /// Angular velocity of the fluid at a node of the rim, relative to that of one grain unless they are held.
@@ -444,11 +448,9 @@ fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
         interaction.at.temperature.fill(20.0);
     }
     let factor = heat_factor(ratio, scheme, b);
-    let (mut last, mut worst, mut solves, mut steps) = (-50.0, 0.0f64, 0, 0);
-    while steps < STEPS {
-        let report = system.step(dt)?;
-        solves += report.agreement.map_or(1, |agreement| agreement.solves);
-        steps += 1;
+    let (mut last, mut worst, mut tally) = (-50.0, 0.0f64, Tally::default());
+    while tally.steps < STEPS {
+        tally.add(&system.step(dt)?);
         let now = temperature_difference(&mut system)?;
         worst = worst.max((now - factor * last).abs() / f64::max(now.abs(), f64::abs(last)));
         last = now;
@@ -456,8 +458,8 @@ fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
             break;
         }
     }
-    let growth = (last / 50.0).abs().powf(1.0 / steps as f64);
-    Ok(judge(worst, growth, factor.abs(), solves as f64 / steps as f64))
+    let growth = (last / 50.0).abs().powf(1.0 / tally.steps as f64);
+    Ok(judge(worst, growth, factor.abs(), tally))
 }
 
 /// Of fluid and grains, K.

@@ -1,6 +1,8 @@
 //! `stability.csv`: one row per point, written as points finish; a run that stopped goes on behind its last row.
+//! `curves.csv`: what pictures show of single points.
 
 use super::axis::{Axis, Sample, Verdict};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
@@ -28,56 +30,124 @@ pub struct Row {
     pub expected: f64,
     /// Solutions of the fluid per step.
     pub solves_per_step: f64,
+    /// Contact sweeps per step.
+    pub sweeps_per_step: f64,
+    /// Share of the steps that the program reports as not solved.
+    pub unsolved_share: f64,
 }
 
-/// The table in the making.
-pub struct Record {
+/// A place of a curve of a point, as it stands in `curves.csv`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Place {
+    /// Name of the axis.
+    pub axis: String,
+    /// The scheme.
+    pub scheme: SchemeName,
+    /// The two parameters.
+    pub x: f64,
+    /// The second.
+    pub y: f64,
+    /// Name of the curve.
+    pub curve: String,
+    /// Where.
+    pub at: f64,
+    /// What is there.
+    pub value: f64,
+}
+
+/// A table that grows on disk.
+struct Table<T> {
     path: PathBuf,
     writer: csv::Writer<File>,
-    /// All rows, those of earlier runs first.
-    pub rows: Vec<Row>,
+    rows: Vec<T>,
 }
 
-impl Record {
+impl<T: Serialize + DeserializeOwned> Table<T> {
     /// The table at a path, with the rows that are there.
-    pub fn open(path: &Path) -> Result<Self> {
+    fn open(path: PathBuf) -> Result<Self> {
         let failed =
             |error: csv::Error| Error::Input(format!("{}: {error}\n  help: remove it", path.display()));
         let rows = match path.exists() {
             true => {
-                let mut reader = csv::Reader::from_path(path).map_err(failed)?;
-                reader.deserialize().collect::<std::result::Result<Vec<Row>, _>>().map_err(failed)?
+                let mut reader = csv::Reader::from_path(&path).map_err(failed)?;
+                reader.deserialize().collect::<std::result::Result<Vec<T>, _>>().map_err(failed)?
             }
             false => vec![],
         };
-        let file = OpenOptions::new().create(true).append(true).open(path);
-        let file = file.map_err(|error| Error::file(path, "write", error))?;
+        let file = OpenOptions::new().create(true).append(true).open(&path);
+        let file = file.map_err(|error| Error::file(&path, "write", error))?;
         let writer = csv::WriterBuilder::new().has_headers(rows.is_empty()).from_writer(file);
-        Ok(Self { path: path.to_path_buf(), writer, rows })
+        Ok(Self { path, writer, rows })
     }
 
-    /// Whether a point is there.
-    pub fn has(&self, axis: &Axis, scheme: SchemeName, [x, y]: [f64; 2]) -> bool {
-        self.rows.iter().any(|row| row.axis == axis.name && row.scheme == scheme && row.x == x && row.y == y)
-    }
-
-    /// Adds a point; it is on disk when this returns.
-    pub fn add(&mut self, axis: &Axis, scheme: SchemeName, point: [f64; 2], sample: &Sample) -> Result<()> {
-        let row = Row {
-            axis: axis.name.into(),
-            scheme,
-            x: point[0],
-            y: point[1],
-            verdict: sample.verdict,
-            theory_passes: (axis.theory)(point, scheme),
-            measured: sample.measured,
-            expected: sample.expected,
-            solves_per_step: sample.solves,
-        };
+    /// Adds a row; it is on disk when this returns.
+    fn add(&mut self, row: T) -> Result<()> {
         let failed = |error: csv::Error| Error::Run(format!("cannot write {}: {error}", self.path.display()));
         self.writer.serialize(&row).map_err(failed)?;
         self.writer.flush().map_err(|error| failed(error.into()))?;
         self.rows.push(row);
         Ok(())
+    }
+}
+
+/// The tables in the making.
+pub struct Record {
+    points: Table<Row>,
+    places: Table<Place>,
+}
+
+impl Record {
+    /// The tables in a folder, with the rows that are there.
+    pub fn open(folder: &Path) -> Result<Self> {
+        Ok(Self {
+            points: Table::open(folder.join("stability.csv"))?,
+            places: Table::open(folder.join("curves.csv"))?,
+        })
+    }
+
+    /// All points, those of earlier runs first.
+    pub fn rows(&self) -> &[Row] {
+        &self.points.rows
+    }
+
+    /// All places of curves.
+    pub fn places(&self) -> &[Place] {
+        &self.places.rows
+    }
+
+    /// Whether a point is there.
+    pub fn has(&self, axis: &Axis, scheme: SchemeName, [x, y]: [f64; 2]) -> bool {
+        self.rows()
+            .iter()
+            .any(|row| row.axis == axis.name && row.scheme == scheme && row.x == x && row.y == y)
+    }
+
+    /// Adds a point; its curves first, so that a point that is there is there with them.
+    pub fn add(&mut self, axis: &Axis, scheme: SchemeName, point: [f64; 2], sample: &Sample) -> Result<()> {
+        let ([x, y], tally) = (point, sample.tally);
+        for &(curve, at, value) in &sample.curves {
+            self.places.add(Place {
+                axis: axis.name.into(),
+                scheme,
+                x,
+                y,
+                curve: curve.into(),
+                at,
+                value,
+            })?;
+        }
+        self.points.add(Row {
+            axis: axis.name.into(),
+            scheme,
+            x,
+            y,
+            verdict: sample.verdict,
+            theory_passes: (axis.theory)(point, scheme),
+            measured: sample.measured,
+            expected: sample.expected,
+            solves_per_step: tally.per_step(tally.solves),
+            sweeps_per_step: tally.per_step(tally.sweeps),
+            unsolved_share: tally.per_step(tally.unsolved),
+        })
     }
 }

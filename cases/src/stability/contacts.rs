@@ -1,0 +1,179 @@
+//! Contacts alone: heavy lids on light grains, friction, sizes far apart.
+//!
+//! A point passes when no grain penetrates another by more than a hundredth of its radius, in any step, and energy does not
+//! grow. Steps whose forces are not solved say so, which the table counts. A lid that is 1e6 times as heavy as what it lies on
+//! takes more than the default settings give: 4e4 sweeps from a cold start on a stack of 100, and a smaller tolerance.
+
+use super::axis::{Axis, Sample, Tally, Verdict, product};
+use crate::models::Vec2;
+use crate::verify::Effort;
+use voidage_coupling::{Result, StepReport};
+use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use voidage_dem::{Dem, Load, Material, Particles, Settings, Wall};
+
+const GRAVITY: f64 = 9.81;
+/// Diameter of the grains, m, and step, s: free fall over a hundredth of the diameter.
+const DIAMETER: f64 = 1e-3;
+const STEP: f64 = 1e-3;
+/// Penetration over the radius of the smaller grain that passes.
+const PENETRATION: f64 = 1e-2;
+
+/// Of the contacts.
+const TOLERANCE: f64 = 1e-6;
+const SWEEPS: usize = 100_000;
+
+const MASSES: [f64; 7] = [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6];
+
+/// The axes of this file.
+pub const AXES: &[Axis] = &[
+    Axis {
+        name: "stack",
+        title: "Discs under a heavy lid: largest penetration / radius",
+        source: "grains do not penetrate",
+        labels: ["discs below the lid", "mass of the lid / of a disc"],
+        coupled: false,
+        points: |effort| match effort {
+            Effort::Quick => product(&[10.0, 100.0], &[1.0, 1e6]),
+            Effort::Full => product(&[1.0, 10.0, 30.0, 100.0], &MASSES),
+        },
+        run: |[count, mass], _, effort| stack(count as usize, mass, effort.pick(20, 100)),
+        theory: |_, _| None,
+    },
+    Axis {
+        name: "friction",
+        title: "Grains with every fifth heavy, poured on a floor: largest penetration / radius",
+        source: "grains do not penetrate",
+        labels: ["friction", "mass ratio"],
+        coupled: false,
+        points: |effort| match effort {
+            Effort::Quick => product(&[0.0, 10.0], &[1.0, 1e6]),
+            Effort::Full => product(&[0.0, 0.1, 0.3, 1.0, 3.0, 10.0], &MASSES),
+        },
+        run: |[friction, mass], _, effort| {
+            let count = effort.pick(100, 400);
+            let radii = vec![0.5 * DIAMETER; count];
+            pour(radii, friction, |k| if k % 5 == 0 { mass } else { 1.0 }, effort.pick(200, 800))
+        },
+        theory: |_, _| None,
+    },
+    Axis {
+        name: "polydispersity",
+        title: "Grains of two sizes, half of the solid each, poured on a floor: largest penetration / radius",
+        source: "grains do not penetrate",
+        labels: ["large diameter / small diameter", "friction"],
+        coupled: false,
+        points: |effort| match effort {
+            Effort::Quick => product(&[10.0], &[0.3]),
+            Effort::Full => product(&[1.0, 3.0, 10.0, 30.0, 100.0], &[0.1, 0.3, 1.0, 10.0]),
+        },
+        run: |[ratio, friction], _, effort| {
+            pour(two_sizes(ratio, effort.pick(200, 2000)), friction, |_| 1.0, effort.pick(200, 800))
+        },
+        theory: |_, _| None,
+    },
+];
+
+/// What must hold in all steps.
+#[derive(Default)]
+struct Watch {
+    penetration: f64,
+    tally: Tally,
+}
+
+impl Watch {
+    fn step(&mut self, dem: &mut Dem<2>) -> bool {
+        let grains = dem.step(STEP, &Load::default());
+        self.tally.add(&StepReport { grains: Some(grains), ..StepReport::default() });
+        self.penetration = self.penetration.max(grains.max_penetration_over_radius);
+        grains.converged
+    }
+
+    fn sample(self, bounded: bool) -> Sample {
+        let verdict = match (bounded, self.penetration <= PENETRATION) {
+            (false, _) => Verdict::Unstable,
+            (true, true) => Verdict::Passes,
+            (true, false) => Verdict::Wrong,
+        };
+        Sample::new(verdict, self.penetration, f64::NAN, self.tally)
+    }
+}
+
+/// Discs in a column and one on top of them that is heavier.
+fn stack(count: usize, mass: f64, steps: usize) -> Result<Sample> {
+    let radius = 0.5 * DIAMETER;
+    let places = (0..=count).map(|k| Vec2::new(0.0, radius + k as f64 * DIAMETER)).collect();
+    let material = Material::default();
+    let mut particles = crate::models::alike(places, radius, &material)?;
+    particles.mass[count] *= mass;
+    let weight = particles.mass.iter().sum::<f64>() * GRAVITY;
+    let floor = Wall::new("floor", Vec2::new(-1.0, 0.0), Vec2::new(1.0, 0.0));
+    let settings = Settings { tolerance: TOLERANCE, max_sweeps: SWEEPS, ..Settings::default() };
+    let mut dem = Dem::new(particles, vec![floor], vec![material], settings)?;
+    let (mut watch, mut wrong) = (Watch::default(), 0.0f64);
+    for _ in 0..steps {
+        if watch.step(&mut dem) {
+            wrong = wrong.max((-dem.wall_force()[0].y / weight - 1.0).abs());
+        }
+    }
+    let fastest = dem.particles.velocity.iter().fold(0.0, |most: f64, v| most.max(v.norm()));
+    let sample = watch.sample(fastest < GRAVITY * STEP);
+    Ok(Sample { curves: vec![("largest error of the floor's force where solved", 0.0, wrong)], ..sample })
+}
+
+/// Radii of two sizes that hold half of the solid each, in an order that mixes them; one large grain at least.
+fn two_sizes(ratio: f64, most: usize) -> Vec<f64> {
+    let large = ((most as f64 / (1.0 + ratio * ratio)).round() as usize).max(1);
+    let small = ((large as f64 * ratio * ratio) as usize).min(most);
+    let every = (small / large).max(1);
+    let radius = 0.5 * DIAMETER;
+    (0..small + large)
+        .map(
+            |k| if k % (every + 1) == every / 2 && k / (every + 1) < large { radius * ratio } else { radius },
+        )
+        .collect()
+}
+
+/// Pours grains of given radii and masses into a box; energy must not grow.
+fn pour(radii: Vec<f64>, friction: f64, mass: impl Fn(usize) -> f64, steps: usize) -> Result<Sample> {
+    let material = Material { friction, ..Material::default() };
+    let materials = [material.clone()];
+    let area: f64 = radii.iter().map(|r| 4.0 * r * r).sum();
+    let largest = radii.iter().copied().fold(0.0, f64::max);
+    let width = area.sqrt().max(3.0 * largest);
+    let count = radii.len();
+    // Where a deposit starts is a loose lattice with jitter; a single step of it leaves it there.
+    let region = Region { low: Vec2::zeros(), high: Vec2::new(width, width) };
+    let fill = Fill {
+        radii: Radii::List(radii),
+        amount: Amount::Count(count),
+        material: 0,
+        materials: &materials,
+        seed: 3,
+    };
+    let how = Deposit { friction: None, rest: 0.0, max_steps: 1 };
+    let mut particles = deposit(&region, &fill, &how)?.particles.rotating();
+    for k in 0..count {
+        particles.mass[k] *= mass(k);
+    }
+    let top = particles.position.iter().fold(0.0, |top: f64, x| top.max(x.y)) + 2.0 * largest;
+    let corner = |x: f64, y: f64| Vec2::new(x, y);
+    let wall = |a, b| Wall { friction, ..Wall::new("box", a, b) };
+    let walls = vec![
+        wall(corner(0.0, 0.0), corner(width, 0.0)),
+        wall(corner(0.0, 0.0), corner(0.0, top)),
+        wall(corner(width, 0.0), corner(width, top)),
+    ];
+    let mut dem = Dem::new(particles, walls, vec![material], Settings::default())?;
+    let (mut watch, start, mut bounded) = (Watch::default(), energy(&dem.particles), true);
+    for _ in 0..steps {
+        watch.step(&mut dem);
+        bounded &= energy(&dem.particles) <= start * (1.0 + 1e-9);
+    }
+    Ok(watch.sample(bounded))
+}
+
+/// Kinetic and potential, J.
+fn energy(particles: &Particles<2>) -> f64 {
+    let each = particles.mass.iter().zip(&particles.velocity).zip(&particles.position);
+    each.map(|((mass, v), x)| mass * (0.5 * v.norm_squared() + GRAVITY * x.y)).sum()
+}

@@ -1,0 +1,136 @@
+//! The fluidisation curve: the inflow goes up through fluidisation and down again, and the pressure drop must be the smaller of
+//! drag law and weight whatever the step.
+//!
+//! The drag law is that of the same grains held fast where they are, on the same mesh. Below fluidisation the drop is that of
+//! the last step. Above it, where the bed moves, it is the mean over the second half of the time at that inflow, and must be the
+//! weight less what the floor still carries, by the balance of momentum of the grains.
+
+use super::axis::{Axis, Sample, Tally, Verdict};
+use super::bed::{Bed, GAS, LIQUID, Lying, momentum, pressure_drop};
+use crate::models::Vec2;
+use crate::verify::Effort;
+use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::{Coupled, Error, Result};
+use voidage_fluid::conditions::{FlowCondition, Prescribed};
+
+/// Inflows over the fluidisation velocity on the way up; the way down is the same.
+const INFLOWS: [f64; 7] = [0.2, 0.4, 0.6, 0.8, 0.9, 1.15, 1.3];
+const FEW: [f64; 4] = [0.3, 0.6, 0.9, 1.2];
+/// What is allowed of the drop, as a share of what it should be.
+const ALLOWED: f64 = 0.01;
+const TOLERANCE: f64 = 1e-6;
+
+/// The axes of this file.
+pub const AXES: &[Axis] = &[
+    Axis {
+        name: "fluidisation-gas",
+        title: "Pressure drop over min(drag law, weight), inflow up and down: 55 um grains in gas (worst inflow)",
+        source: "physics.md, section 5",
+        labels: ["grain density / fluid density", "step / relaxation time of the grain"],
+        coupled: true,
+        points: |effort| points(&GAS, effort.pick(&[1.0], &[1e-2, 1e-1, 1.0, 10.0])),
+        run: |[_, step], scheme, effort| curve(&GAS, step, scheme, effort),
+        theory: |_, _| None,
+    },
+    Axis {
+        name: "fluidisation-liquid",
+        title: "Pressure drop over min(drag law, weight), inflow up and down: 100 um grains in water (worst inflow)",
+        source: "physics.md, section 5",
+        labels: ["grain density / fluid density", "step / relaxation time of the grain"],
+        coupled: true,
+        points: |effort| points(&LIQUID, effort.pick(&[30.0], &[1.0, 10.0, 100.0])),
+        run: |[_, step], scheme, effort| curve(&LIQUID, step, scheme, effort),
+        theory: |_, _| None,
+    },
+];
+
+fn points(bed: &Bed, steps: &[f64]) -> Vec<[f64; 2]> {
+    steps.iter().map(|step| [bed.solid / bed.fluid, *step]).collect()
+}
+
+/// The curve with one step; the worst inflow counts.
+fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sample> {
+    let lying = bed.lie()?;
+    let relaxation = bed.solid / bed.drag(lying.fluidisation, lying.voidage);
+    let dt = step * relaxation;
+    // Relative speeds are a share of the inflow: what a bed of ten diameters takes to change by one of them.
+    let passing = bed.diameter / lying.fluidisation;
+    let time = (5.0 * relaxation).max(5.0 * passing);
+    let steps = (time / dt).ceil().max(20.0) as usize;
+    // Where the bed moves by more than some diameters in a step there is no steady bed above fluidisation.
+    let moves = lying.fluidisation * dt < 30.0 * bed.diameter;
+    let up = match effort {
+        Effort::Quick => FEW.to_vec(),
+        Effort::Full => INFLOWS.to_vec(),
+    };
+    let up: Vec<f64> = up.into_iter().filter(|inflow| *inflow < 1.0 || moves).collect();
+    let down = up.iter().rev().skip(1);
+    let mut system = bed.system((&lying.particles, &lying.material), 0.0, scheme, (false, TOLERANCE))?;
+    let (mut tally, mut worst, mut curves) = (Tally::default(), 1.0f64, vec![]);
+    for (k, &inflow) in up.iter().chain(down).enumerate() {
+        let speed = inflow * lying.fluidisation;
+        let steps = if inflow > 1.0 { 2 * steps } else { steps };
+        let Ok((drop, lifted)) = hold(bed, &mut system, speed, (dt, steps), inflow > 1.0, &mut tally) else {
+            return Ok(Sample { curves, ..Sample::new(Verdict::Unstable, f64::NAN, 1.0, tally) });
+        };
+        let drop = drop / lying.weight;
+        let expected = match inflow > 1.0 {
+            true => 1.0 + lifted / lying.weight,
+            false => (held(bed, &lying, &system, speed, (dt, steps))? / lying.weight).min(1.0),
+        };
+        if (drop / expected - 1.0).abs() > (worst - 1.0).abs() {
+            worst = drop / expected;
+        }
+        curves.push((if k < up.len() { "up" } else { "down" }, inflow, drop));
+        curves.push(("min(drag law, weight)", inflow, expected));
+    }
+    Ok(Sample { curves, ..Sample::judge(worst.abs() < 1e3, worst, 1.0, ALLOWED, tally) })
+}
+
+/// Steps at an inflow; the pressure drop of the last, or its mean over the second half, and what it must be beyond the weight
+/// meanwhile ([`Bed::lifted`]), Pa.
+fn hold(
+    bed: &Bed,
+    system: &mut Coupled<2>,
+    speed: f64,
+    (dt, steps): (f64, usize),
+    mean: bool,
+    tally: &mut Tally,
+) -> Result<(f64, f64)> {
+    if let Some(fluid) = &mut system.fluid {
+        for condition in fluid.conditions.iter_mut().filter(|condition| condition.boundary == "bottom") {
+            condition.flow = FlowCondition::SuperficialVelocity(Prescribed::Uniform(Vec2::new(0.0, speed)));
+        }
+    }
+    let (mut sum, mut floor, mut count, mut start) = (0.0, 0.0, 0, 0.0);
+    let upward = |system: &Coupled<2>| system.grains.as_ref().map_or(0.0, |g| momentum(&g.particles));
+    for step in 1..=steps {
+        if step == steps || (mean && step > steps / 2) {
+            if count == 0 {
+                start = upward(system);
+            }
+            count += 1;
+        }
+        tally.add(&system.step(dt)?);
+        let fastest = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
+        // Much faster than anything in a bed that is barely fluidised.
+        if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > 100.0 * speed {
+            return Err(Error::Run("the grains run away".into()));
+        }
+        if count > 0 {
+            sum += pressure_drop(system)?;
+            floor += system.grains.as_ref().map_or(0.0, |grains| -grains.wall_force()[0].y);
+        }
+    }
+    let count = f64::from(count);
+    let gain = (upward(system) - start) / (count * dt);
+    Ok((sum / count, bed.lifted(gain, floor / count)))
+}
+
+/// Pressure drop of the grains held where they are, Pa.
+fn held(bed: &Bed, lying: &Lying, system: &Coupled<2>, speed: f64, (dt, steps): (f64, usize)) -> Result<f64> {
+    let grains = system.grains.as_ref().ok_or_else(|| Error::Run("no grains".into()))?;
+    let mut held =
+        bed.system((&grains.particles, &lying.material), speed, SchemeName::default(), (true, TOLERANCE))?;
+    Ok(bed.last(&mut held, dt, (steps, 1))?.drop)
+}
