@@ -105,7 +105,7 @@ pub fn stability(options: &Options) -> Result<u8> {
             println!("{}", page.display());
         }
     }
-    for page in pictures::draw(&options.out, &record)? {
+    for page in pictures::draw(&folder, &record)? {
         println!("{}", page.display());
     }
     for &scheme in &schemes {
