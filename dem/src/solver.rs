@@ -24,7 +24,7 @@ pub(crate) struct Problem<const D: usize> {
     pub cohesion: Vec<f64>,
     pub tiles: Tiles,
     pub friction: bool,
-    /// What friction may reach at each contact once it lags, N s; empty before.
+    /// What friction may reach at each contact once strong friction lags, N s; empty before.
     bounds: Vec<f64>,
     /// Impulses before the last sweep, and velocities; empty without momentum.
     last: Vec<Vector<D>>,
@@ -56,12 +56,14 @@ const FORK: usize = 10_000;
 /// Sweeps between looks at the true residual at least.
 const LOOK: usize = 4;
 
-/// Sweeps after which friction lags behind the normal impulse, and the share of the difference that a sweep makes up.
+/// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the difference that
+/// a sweep makes up.
 ///
 /// A sweep is no contraction when friction is strong: normal impulse and the bound mu p_n of the tangential one chase each
 /// other round a cycle. With the bound held, the problem is convex and sweeps converge; so the bound follows slowly. In beds with
-/// friction 10 half as many steps stay unsolved, and the worst of them lets grains overlap by a tenth as much; below 1 friction
-/// is solved before it lags.
+/// friction 10 half as many steps stay unsolved, and the worst of them lets grains overlap by a tenth as much. Weak friction
+/// converges without.
+const STRONG: f64 = 1.0;
 const LAGGING: usize = 200;
 const FOLLOW: f64 = 0.05;
 
@@ -243,7 +245,8 @@ impl<const D: usize> Problem<D> {
         let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], first: usize| {
             let mut sums = [0.0; 3];
             for (k, c) in contacts.iter_mut().enumerate() {
-                let bound = if L::FRICTION { bounds.get(first + k).copied() } else { None };
+                let lags = L::FRICTION && c.friction > STRONG;
+                let bound = if lags { bounds.get(first + k).copied() } else { None };
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
                 let before = c.impulse;
                 let mut start = before;

@@ -24,8 +24,9 @@ const GRAVITY: f64 = 9.81;
 
 /// Step over relaxation time of a lone grain.
 const STEP: [f64; 3] = [1.0, 10.0, 100.0];
-/// Share by which the bed may differ in height.
+/// Share by which a bed of this many grains may differ in height. Packings are chance: fewer grains scatter by the root more.
 const SAME: f64 = 0.02;
+const MANY: f64 = 140.0;
 /// How much faster a grain may be than the fastest at short steps: that of a bed of many grains; and that of a handful, whose
 /// meetings are chance (its greatest speed scatters by some ten per cent already at one relaxation time).
 const FASTEST: f64 = 1.1;
@@ -300,8 +301,11 @@ fn judge(end: Result<End>, aim: Aim, height: f64, fastest: f64) -> Sample {
     let Ok(end) = end else { return Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default()) };
     let (height, speed) = (end.height / height, end.fastest / fastest);
     let sound = end.penetration <= PENETRATION && end.defect <= BALANCED;
+    let grains = end.particles.len() as f64;
     let (measured, same) = match aim {
-        Aim::Height => (height, (height - 1.0).abs() <= SAME && speed <= FASTEST),
+        Aim::Height => {
+            (height, (height - 1.0).abs() <= SAME * (MANY / grains).sqrt().max(1.0) && speed <= FASTEST)
+        }
         Aim::Speed => (speed, speed <= FASTEST_OF_FEW),
     };
     let right = same && sound && end.last <= REST * fastest;
