@@ -71,8 +71,7 @@ class Implicit:
         force, heat = self.push(system)
         system.separate_continuity()
         for self.solves in range(1, 41):
-            system.push_grains(force, heat)
-            response, warmth = grains["mean_velocity"], grains["mean_temperature"]
+            response, warmth = system.push_grains(force, heat)
             system.restore_grains(start)
             load["mobility"] = np.zeros_like(mobility)
             load["velocity"] = response
@@ -82,8 +81,8 @@ class Implicit:
             load["temperature"] = warmth - warming * heat
             system.solve_fluid()
             force, heat = self.push(system)
-            system.push_grains(force, heat)
-            if abs(grains["mean_velocity"] - response).max() < 1e-12:
+            velocity, _ = system.push_grains(force, heat)
+            if abs(velocity - response).max() < 1e-12:
                 break
             system.restore_grains(start)
         system.accept()

@@ -59,8 +59,6 @@ impl Group {
                 "heat_capacity",
                 "contact_force",
                 "contact_heat",
-                "mean_velocity",
-                "mean_temperature",
                 "force",
                 "heat",
                 "voidage",
@@ -155,18 +153,11 @@ fn grains(coupled: &Coupled<2>, name: &str) -> Option<Column> {
         "heat_capacity" => heat?.capacity.as_slice().into(),
         "contact_force" => grains.contact_force().into(),
         "contact_heat" => heat.map(|_| grains.contact_heat())?.into(),
-        "mean_velocity" => some(grains.mean_velocity())?.into(),
-        "mean_temperature" => some(grains.mean_temperature())?.into(),
         "force" => interaction?.force.as_slice().into(),
         "heat" => interaction.filter(|interaction| interaction.load.heat.is_some())?.heat.as_slice().into(),
         "voidage" => interaction?.voidage.as_slice().into(),
         _ => return None,
     })
-}
-
-/// A column that is empty where there is none.
-fn some<T>(column: &[T]) -> Option<&[T]> {
-    (!column.is_empty()).then_some(column)
 }
 
 fn load(coupled: &Coupled<2>, name: &str) -> Option<Column> {

@@ -137,19 +137,20 @@ impl System {
     }
 
     /// Moves the grains by a step under `force` (g, D), N, and `heat` (g), W, from which the drag and the heat transfer of the
-    /// grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts included. Then
-    /// `grains["mean_velocity"]` and `grains["mean_temperature"]` are the means over the step, and `grains["force"]` and
-    /// `grains["heat"]` what is left of the push.
+    /// grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts included. Returns the mean
+    /// velocity over the step, (g, D), and the mean temperature, (g), if there is heat; `grains["force"]` and `grains["heat"]` are
+    /// then what is left of the push.
     #[pyo3(signature = (force, heat=None))]
-    fn push_grains(
+    fn push_grains<'py>(
         &self,
-        py: Python<'_>,
-        force: &Bound<'_, PyAny>,
-        heat: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<()> {
+        py: Python<'py>,
+        force: &Bound<'py, PyAny>,
+        heat: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
+        let none = || Error::Run("the scene has no grains in a fluid".into());
         let (count, warm) = self.with(py, |held| match &held.coupled.interaction {
             Some(interaction) => Ok((interaction.force.len(), interaction.load.heat.is_some())),
-            None => Err(Error::Run("the scene has no grains in a fluid".into())),
+            None => Err(none()),
         })?;
         let force = vectors(&finite_numbers(force, "force", Some(count), 2)?);
         let heat = match (heat, warm) {
@@ -159,12 +160,10 @@ impl System {
             (None, true) => return Err(PyValueError::new_err("`heat` is missing, the scene has heat")),
         };
         let push = Push { force, heat };
-        self.with(py, |held| {
+        let (velocity, temperature) = self.with(py, |held| {
             held.coupled.push_grains(held.dt, &push, &mut held.report);
-            let (Some(grains), Some(interaction)) = (&held.coupled.grains, &mut held.coupled.interaction)
-            else {
-                return Ok(());
-            };
+            let grains = held.coupled.grains.as_ref().ok_or_else(none)?;
+            let interaction = held.coupled.interaction.as_mut().ok_or_else(none)?;
             for (i, velocity) in grains.mean_velocity().iter().enumerate() {
                 interaction.force[i] = push.force[i] - velocity * interaction.load.drag[i];
             }
@@ -173,8 +172,11 @@ impl System {
                     interaction.heat[i] = push.heat[i] - temperature * law.coefficient[i];
                 }
             }
-            Ok(())
-        })
+            let temperature = warm.then(|| Column::from(grains.mean_temperature()));
+            Ok((Column::from(grains.mean_velocity()), temperature))
+        })?;
+        let temperature = temperature.map(|column| column.into_array(py)).transpose()?;
+        Ok((velocity.into_array(py)?, temperature))
     }
 
     /// Gives the solid flux in the equation of mass a law of its own, `load["continuity_mobility"]` and
