@@ -248,7 +248,11 @@ fn stroke(
         }
         return Ok(());
     }
-    if !matches!(curve.style, Style::Points | Style::Known) {
+    if curve.style == Style::Joined {
+        // Piece by piece: a thick line that turns back on itself would be drawn with a spike.
+        let pieces: Vec<_> = points().zip(points().skip(1)).collect();
+        chart.draw_series(pieces.into_iter().map(|(from, to)| PathElement::new([from, to], line)))?;
+    } else if !matches!(curve.style, Style::Points | Style::Known) {
         let drawn = chart.draw_series(LineSeries::new(points(), line))?;
         if !discs && !curve.name.is_empty() {
             drawn.label(&curve.name).legend(move |(x, y)| PathElement::new([(x, y), (x + length, y)], line));
