@@ -82,8 +82,6 @@ const RUNAWAY: f64 = 30.0;
 /// counts as steady: nothing more will happen.
 const LOOK: usize = 50;
 const STEADY: f64 = 1e-6;
-/// Steps over which the drop of a bed at rest is averaged at most.
-const WINDOW: usize = 50;
 /// Steps in which a bed comes to rest.
 const SETTLING: usize = 300;
 /// How often the fluidisation velocity is corrected by the drop on the mesh, to which it is nearly in proportion, and with which
@@ -302,9 +300,9 @@ impl Bed {
         let least = if step < 10.0 || ratio > 1.0 { 40.0 } else { 16.0 };
         let steps = (5.0 / step).ceil().clamp(least, 5000.0) as usize;
         let lost = Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default());
-        // Below fluidisation to even out the speeds that contacts solved to a tolerance leave, which short steps show as
-        // noise; above it what is carried from step to step.
-        let window = if ratio < 1.0 { WINDOW.min(steps / 4) } else { steps / 5 };
+        // To even out the speeds that contacts solved to a tolerance leave, which short steps show as noise, and what is carried from
+        // step to step.
+        let window = steps / 5;
         let Ok(end) = self.last(&mut free, step * relaxation, (steps, window)) else { return Ok(lost) };
         // With the same step, on which the pressure stabilisation depends where drag acts more slowly than it.
         let law = self.law(&end.before, &lying.material, speed, (step * relaxation, steps))?;
