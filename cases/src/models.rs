@@ -8,12 +8,12 @@ use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Result};
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
-use voidage_fluid::Mesh;
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition};
 use voidage_fluid::exchange::AtBodies;
 use voidage_fluid::flow::{HeatProperties, Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::mesh::{Boundary, Diagonals, Rectangle, Side, Sides, Structured};
+use voidage_fluid::{Flow, Mesh};
 
 /// A vector of the plane.
 pub type Vec2 = SVector<f64, 2>;
@@ -103,6 +103,12 @@ impl FluidSet {
     pub fn flow(mut self, side: &str, flow: FlowCondition<2>) -> Self {
         self.conditions.iter_mut().filter(|c| c.boundary == side).for_each(|c| c.flow = flow.clone());
         self
+    }
+
+    /// The equations alone on a mesh, with the given fields at the start: no backend around them.
+    pub fn equations(&self, mesh: Mesh<2>, start: State<2>) -> Result<Flow<2, 3>> {
+        let (properties, heat) = (self.properties.clone(), self.heat.clone());
+        Ok(Flow::new(mesh, properties, heat, &self.conditions, start, &self.numerics)?)
     }
 
     /// The fluid on a mesh, with the given fields at the start.

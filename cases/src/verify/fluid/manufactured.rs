@@ -198,17 +198,7 @@ impl Run {
         let start = self.nodal(&mesh, 0.0);
         let (points, volume) = (mesh.points.clone(), mesh.nodal_volume());
         let mut whole = clock::Spent::default();
-        let new = || {
-            Flow::<2, 3>::new(
-                mesh,
-                set.properties.clone(),
-                set.heat.clone(),
-                &set.conditions,
-                start,
-                &set.numerics,
-            )
-        };
-        let mut flow = clock::timed(&mut whole, new)?;
+        let mut flow = clock::timed(&mut whole, || set.equations(mesh, start))?;
         let mut spent = Spent { mesh: whole.wall, ..Spent::default() };
         let bodies = self.bodies.as_ref();
         for step in 1..=self.steps {
