@@ -23,10 +23,16 @@ pub fn grid(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
     box_mesh(size, squares, Diagonals::Alternating)
 }
 
-/// The same one square wide. Its diagonals are parallel, so that grains in its middle weigh the same on both sides of
-/// every height but the lowest and highest: a column of one dimension.
+/// The same with diagonals that are parallel: all nodes inside have cells alike, so that a lattice of grains weighs the same on
+/// each.
+pub fn parallel(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
+    box_mesh(size, squares, Diagonals::Rising)
+}
+
+/// The same one square wide. Grains in its middle weigh the same on both sides of every height but the lowest and highest: a
+/// column of one dimension.
 pub fn column(size: [f64; 2], squares: usize) -> Result<Mesh<2>> {
-    box_mesh(size, [1, squares], Diagonals::Rising)
+    parallel(size, [1, squares])
 }
 
 /// Grains on top of each other in the middle of a column, between smooth walls and above a floor (the first wall).
