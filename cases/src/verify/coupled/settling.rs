@@ -107,7 +107,7 @@ impl Suspension {
         let walls = vec![Wall::new("floor", a, b), Wall::new("left", a, c), Wall::new("right", b, d)];
         let grains = Dem::new(particles, walls, vec![material], Settings::default())?;
         let start = set.rest(&mesh, 0.0);
-        let system = set.with_grains(set.build(mesh, start)?, grains, laws.clone(), SchemeName::default())?;
+        let system = set.with_grains(set.build(mesh, start)?, grains, laws, SchemeName::default())?;
         Ok((system, laws))
     }
 
