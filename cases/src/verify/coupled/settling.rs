@@ -190,11 +190,11 @@ fn run(effort: Effort) -> Result<Outcome> {
             measured,
             0.005,
         ));
-        let every = (path.len() / (2.0 * to) as usize).max(1);
-        let fallen = path.iter().step_by(every).map(|(t, y)| (*t, path[0].1 - y)).collect();
+        let every = (inside.len() / (2.0 * (to - from)) as usize).max(1);
+        let fallen = inside.iter().step_by(every).map(|(t, y)| (t - inside[0].0, inside[0].1 - y)).collect();
         panel.curves.push(Curve::points(what, fallen));
     }
-    panel.curves.push(Curve::line("closure", vec![(0.0, 0.0), (12.0, 12.0)]));
+    panel.curves.push(Curve::line("closure", vec![(0.0, 0.0), (8.0, 8.0)]));
     outcome.panels.push(panel);
     Ok(outcome)
 }
