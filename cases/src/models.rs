@@ -8,12 +8,12 @@ use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Result};
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
-use voidage_fluid::Mesh;
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition};
 use voidage_fluid::exchange::AtBodies;
 use voidage_fluid::flow::{HeatProperties, Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::mesh::{Boundary, Diagonals, Rectangle, Side, Sides, Structured};
+use voidage_fluid::{Flow, Mesh};
 
 /// A vector of the plane.
 pub type Vec2 = SVector<f64, 2>;
@@ -23,10 +23,16 @@ pub fn grid(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
     box_mesh(size, squares, Diagonals::Alternating)
 }
 
-/// The same one square wide. Its diagonals are parallel, so that grains in its middle weigh the same on both sides of
-/// every height but the lowest and highest: a column of one dimension.
+/// The same with diagonals that are parallel: all nodes inside have cells alike, so that a lattice of grains weighs the same on
+/// each.
+pub fn parallel(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
+    box_mesh(size, squares, Diagonals::Rising)
+}
+
+/// The same one square wide. Grains in its middle weigh the same on both sides of every height but the lowest and highest: a
+/// column of one dimension.
 pub fn column(size: [f64; 2], squares: usize) -> Result<Mesh<2>> {
-    box_mesh(size, [1, squares], Diagonals::Rising)
+    parallel(size, [1, squares])
 }
 
 /// Grains on top of each other in the middle of a column, between smooth walls and above a floor (the first wall).
@@ -103,6 +109,12 @@ impl FluidSet {
     pub fn flow(mut self, side: &str, flow: FlowCondition<2>) -> Self {
         self.conditions.iter_mut().filter(|c| c.boundary == side).for_each(|c| c.flow = flow.clone());
         self
+    }
+
+    /// The equations alone on a mesh, with the given fields at the start: no backend around them.
+    pub fn equations(&self, mesh: Mesh<2>, start: State<2>) -> Result<Flow<2, 3>> {
+        let (properties, heat) = (self.properties.clone(), self.heat.clone());
+        Ok(Flow::new(mesh, properties, heat, &self.conditions, start, &self.numerics)?)
     }
 
     /// The fluid on a mesh, with the given fields at the start.

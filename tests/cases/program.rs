@@ -178,7 +178,7 @@ fn verify_leaves_its_tables_and_plots() {
     assert_eq!(table.matches("fluid,hele-shaw").count(), 2);
     let curves = fs::read_to_string(folder.path().join("out/curves.csv")).unwrap();
     assert!(curves.lines().count() > 200, "{curves}");
-    let page = fs::read(folder.path().join("out/verification.png")).unwrap();
+    let page = fs::read(folder.path().join("out/verification-fluid.png")).unwrap();
     assert!(page.starts_with(b"\x89PNG") && page.len() > 5000);
     let wrong = run("hele");
     let said = String::from_utf8(wrong.stderr).unwrap();

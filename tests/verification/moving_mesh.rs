@@ -12,7 +12,7 @@ use voidage_fluid::exchange::AtBodies;
 use voidage_fluid::flow::{HeatProperties, State};
 use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
 use voidage_fluid::transport::Scalar;
-use voidage_fluid::{Flow, Mesh, MeshMotion};
+use voidage_fluid::{Mesh, MeshMotion};
 
 fn grid(size: [f64; 2], squares: [usize; 2]) -> Mesh<2> {
     models::grid(size, squares).expect("a valid rectangle")
@@ -41,15 +41,7 @@ fn a_uniform_stream_stays_uniform_however_the_nodes_move() {
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
     set.conditions[1].heat = HeatCondition::Open { temperature: Some(300.0) };
     let start = State { velocity: vec![stream; rest.len()], ..set.rest(&mesh, warm) };
-    let mut flow = Flow::<2, 3>::new(
-        mesh,
-        set.properties.clone(),
-        set.heat.clone(),
-        &set.conditions,
-        start,
-        &set.numerics,
-    )
-    .expect("a valid fluid");
+    let mut flow = set.equations(mesh, start).expect("a valid fluid");
     let clear = vec![1.0; rest.len()];
     let mut points = rest.clone();
     let mut count = 0.0_f64;
@@ -110,9 +102,7 @@ fn vortex_errors(squares: usize) -> [f64; 2] {
         pressure: rest.iter().map(|x| pressure(x, 0.0)).collect(),
         temperature: None,
     };
-    let (properties, conditions) = (set.properties.clone(), set.conditions.clone());
-    let mut flow =
-        Flow::<2, 3>::new(mesh, properties, None, &conditions, start, &set.numerics).expect("a valid fluid");
+    let mut flow = set.equations(mesh, start).expect("a valid fluid");
     // Of first order in time, of second in space.
     let steps = squares * squares / 8;
     let dt = END / steps as f64;
@@ -121,7 +111,7 @@ fn vortex_errors(squares: usize) -> [f64; 2] {
         let points = places(dt * step as f64);
         let velocity = moved(&from, &points, dt);
         flow.follow(Some(&MeshMotion { points: &points, velocity: &velocity })).expect("good cells");
-        flow.solve(dt, &clear, None, &conditions).expect("a step");
+        flow.solve(dt, &clear, None, &set.conditions).expect("a step");
         flow.accept();
         from = points;
     }
@@ -219,20 +209,19 @@ fn in_a_closed_box_no_node_is_special() {
         |boundary: &str, flow| Condition { boundary: boundary.into(), flow, heat: HeatCondition::Adiabatic };
     // The lid stands still at its ends, where it would push fluid through the walls.
     let lid = |x: &Vec2| Vec2::new((PI * x.x).sin(), 0.0);
-    let set = FluidSet::new(1.0, 0.05);
     let solve = |mesh: Mesh<2>| {
+        let mut set = FluidSet::new(1.0, 0.05);
         let eps: Vec<f64> = mesh.points.iter().map(|x| 0.6 + 0.3 * (5.0 * x.x).sin() * x.y).collect();
         let pushed = Prescribed::Nodal(mesh.points.iter().map(lid).collect());
-        let conditions = [
+        set.conditions = vec![
             of("wall", FlowCondition::Slip),
             of("rim", FlowCondition::Slip),
             of("lid", FlowCondition::Velocity(pushed)),
         ];
-        let (start, properties) = (set.rest(&mesh, 0.0), set.properties.clone());
-        let mut flow =
-            Flow::<2, 3>::new(mesh, properties, None, &conditions, start, &set.numerics).expect("a fluid");
+        let start = set.rest(&mesh, 0.0);
+        let mut flow = set.equations(mesh, start).expect("a fluid");
         for _ in 0..3 {
-            flow.solve(0.1, &eps, None, &conditions).expect("a step");
+            flow.solve(0.1, &eps, None, &set.conditions).expect("a step");
             flow.accept();
         }
         (flow.state().clone(), flow.mesh().clone(), eps)

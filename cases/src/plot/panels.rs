@@ -48,8 +48,8 @@ pub struct Curve {
     pub style: Style,
 }
 
-/// How a curve is drawn. Black and grey are what is known; the others take a colour
-/// each, in their order.
+/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order. One without a name
+/// takes that of the one before, to which it belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Black line: exact.
@@ -198,17 +198,15 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
         .set_all_tick_mark_size(pixels(4))
         .draw()?;
     let mut colours = COLOURS.iter().cycle();
-    let mut colour = |style: Style| match style {
+    let mut last = None;
+    let mut colour = |curve: &Curve| match curve.style {
         Style::Line | Style::Known => BLACK,
         Style::Dashes => RGBColor(130, 130, 130),
-        _ => *colours.next().unwrap_or(&BLACK),
+        _ if curve.name.is_empty() => *last.get_or_insert(COLOURS[0]),
+        _ => *last.insert(*colours.next().unwrap_or(&BLACK)),
     };
-    let mut strokes: Vec<_> = panel
-        .curves
-        .iter()
-        .zip(&curves)
-        .map(|(curve, points)| (curve, points, colour(curve.style)))
-        .collect();
+    let mut strokes: Vec<_> =
+        panel.curves.iter().zip(&curves).map(|(curve, points)| (curve, points, colour(curve))).collect();
     // Discs lie on lines.
     strokes.sort_by_key(|(curve, ..)| matches!(curve.style, Style::Points | Style::Known));
     for (curve, points, colour) in strokes {

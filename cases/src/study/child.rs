@@ -1,12 +1,11 @@
 //! Runs as processes: started one after the other, repeated, timed.
 
-use super::clock::{cpu, median};
+use super::clock::{Cost, cpu, median};
 use super::file::Clock;
 use super::measure::{Answer, Measured, Task};
 use nix::sys::resource::UsageWho;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
-use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -64,27 +63,22 @@ pub fn run(task: &Task, repeats: usize, clock: Clock, interrupted: &AtomicBool) 
         warn!("a repetition gave other values: the solver is not the same every time");
     }
     let of = |value: &dyn Fn(&(Measured, f64)) -> f64| all.iter().map(value).collect::<Vec<f64>>();
-    let wall = of(&|(measured, _)| measured.setup_s + measured.steps_s);
-    let steps = of(&|(measured, _)| measured.steps_s);
-    let steps_cpu = of(&|(measured, _)| measured.steps_cpu_s);
+    let each = |value: &dyn Fn(&Cost) -> f64| of(&|(measured, _)| value(&measured.cost));
+    let wall = each(&|cost| cost.setup_s + cost.steps_s);
+    let steps = each(&|cost| cost.steps_s);
+    let steps_cpu = each(&|cost| cost.steps_cpu_s);
     let drawn = match clock {
         Clock::Wall => &wall,
         Clock::Steps => &steps,
         Clock::Cpu => &steps_cpu,
     };
     let (low, high) = drawn.iter().fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), v| (l.min(*v), h.max(*v)));
-    let phase =
-        |name: &String| median(&of(&|(measured, _)| measured.phases.get(name).copied().unwrap_or(0.0)));
-    let phases: BTreeMap<String, f64> =
-        all[0].0.phases.keys().map(|name| (name.clone(), phase(name))).collect();
-    let setup_s = median(&of(&|(measured, _)| measured.setup_s));
-    let measured = Measured {
-        setup_s,
-        steps_s: median(&steps),
-        steps_cpu_s: median(&steps_cpu),
-        phases,
-        ..all[0].0.clone()
-    };
+    let phase = |name: &String| median(&each(&|cost| cost.phases.get(name).copied().unwrap_or(0.0)));
+    let mut measured = all[0].0.clone();
+    let cost = &mut measured.cost;
+    cost.phases = cost.phases.keys().map(|name| (name.clone(), phase(name))).collect();
+    cost.setup_s = median(&each(&|cost| cost.setup_s));
+    (cost.steps_s, cost.steps_cpu_s) = (median(&steps), median(&steps_cpu));
     Ok(Ended::Done(Box::new(Timed {
         measured,
         wall_s: median(&wall),

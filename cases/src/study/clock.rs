@@ -2,6 +2,8 @@
 
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 /// Processor time, s, of this process with all its threads, or of the processes that it started and that have ended, with
@@ -19,6 +21,25 @@ pub struct Spent {
     pub wall: f64,
     /// Processor time of this process on all cores, s.
     pub cpu: f64,
+}
+
+/// What a run took.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    /// Wall time before the first step, s.
+    pub setup_s: f64,
+    /// Wall time of the steps, s.
+    pub steps_s: f64,
+    /// Processor time of the steps on all cores, s; of a fluid solver in another process all its time.
+    pub steps_cpu_s: f64,
+    /// Wall time by phase, s.
+    pub phases: BTreeMap<String, f64>,
+    /// Steps.
+    pub steps: u64,
+    /// Solutions of the fluid, if there is one.
+    pub fluid_solves: Option<u64>,
+    /// Steps in which a solver stopped before its tolerance.
+    pub unconverged_steps: u64,
 }
 
 /// What it takes to do something, added to what was spent before.

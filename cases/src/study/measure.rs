@@ -2,7 +2,7 @@
 //! to standard output. A process of its own keeps times clean: nothing is warm, nothing else is in memory, and the system counts
 //! what it and its fluid solver used.
 
-use super::clock::{Spent, cpu, timed};
+use super::clock::{Cost, Spent, cpu, timed};
 use super::file::{Case, FieldName, GrainColumn, Of, Quantity};
 use super::plan::{Run, THREADS, sets};
 use super::problems;
@@ -52,20 +52,9 @@ pub enum Answer {
 pub struct Measured {
     /// Values of each quantity, one per time; none of a field, which is in its file.
     pub values: Vec<Vec<f64>>,
-    /// Wall time before the first step, s.
-    pub setup_s: f64,
-    /// Wall time of the steps, s.
-    pub steps_s: f64,
-    /// Processor time of the steps on all cores, s; of a fluid solver in another process all its time.
-    pub steps_cpu_s: f64,
-    /// Wall time by phase, s.
-    pub phases: BTreeMap<String, f64>,
-    /// Steps.
-    pub steps: u64,
-    /// Solutions of the fluid, if there is one.
-    pub fluid_solves: Option<u64>,
-    /// Steps in which a solver stopped before its tolerance.
-    pub unconverged_steps: u64,
+    /// What it took.
+    #[serde(flatten)]
+    pub cost: Cost,
 }
 
 /// Runs what standard input says.
@@ -104,16 +93,7 @@ fn perform(task: &Task) -> Result<Answer> {
                 Of::Error(name) => vec![solved.errors.get(name).copied().unwrap_or(f64::NAN)],
                 _ => vec![f64::NAN],
             };
-            Answer::Done(Measured {
-                values: run.quantities.iter().map(value).collect(),
-                setup_s: solved.setup_s,
-                steps_s: solved.steps_s,
-                steps_cpu_s: solved.steps_cpu_s,
-                steps: solved.steps,
-                fluid_solves: solved.fluid_solves,
-                unconverged_steps: solved.unconverged_steps,
-                phases: solved.phases,
-            })
+            Answer::Done(Measured { values: run.quantities.iter().map(value).collect(), cost: solved.cost })
         }
     };
     let Answer::Done(measured) = &answer else { return Ok(answer) };
@@ -157,8 +137,7 @@ fn of_scene(file: &Path, task: &Task) -> Result<Answer> {
     let mut simulation = Simulation::hosted(&scene, &host(task.log.clone()))?;
     let mut measured = Measured {
         values: quantities.iter().map(|quantity| vec![0.0; quantity.at.len().max(1)]).collect(),
-        setup_s: begun.elapsed().as_secs_f64(),
-        ..Measured::default()
+        cost: Cost { setup_s: begun.elapsed().as_secs_f64(), ..Cost::default() },
     };
     let (last, mut spent) = (scene.time.steps(), Spent::default());
     let due = samples(quantities, scene.time.step, last);
@@ -202,14 +181,15 @@ fn of_scene(file: &Path, task: &Task) -> Result<Answer> {
         fluid.write(&task.fields)?;
     }
     let totals = simulation.totals();
-    measured.steps = last;
-    measured.fluid_solves = totals.fluid_solves.or(simulation.coupled().fluid.as_ref().map(|_| last));
-    measured.unconverged_steps = totals.unconverged_steps;
-    measured.phases = totals.phases.named().map(|(name, seconds)| (name.to_owned(), seconds)).into();
+    let cost = &mut measured.cost;
+    cost.steps = last;
+    cost.fluid_solves = totals.fluid_solves.or(simulation.coupled().fluid.as_ref().map(|_| last));
+    cost.unconverged_steps = totals.unconverged_steps;
+    cost.phases = totals.phases.named().map(|(name, seconds)| (name.to_owned(), seconds)).into();
     // A solver in another process ends with the simulation.
     drop(simulation);
-    measured.steps_s = spent.wall;
-    measured.steps_cpu_s = spent.cpu + cpu(UsageWho::RUSAGE_CHILDREN);
+    cost.steps_s = spent.wall;
+    cost.steps_cpu_s = spent.cpu + cpu(UsageWho::RUSAGE_CHILDREN);
     Ok(Answer::Done(measured))
 }
 

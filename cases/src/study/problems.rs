@@ -1,6 +1,6 @@
 //! Problems with a known answer that are no scenes: they know their own errors.
 
-use super::clock::{Spent, median, timed};
+use super::clock::{Cost, Spent, median, timed};
 use super::cost;
 use super::plan::{Settings, THREADS};
 use crate::models::SlipBox;
@@ -47,20 +47,9 @@ impl fmt::Display for ProblemName {
 pub struct Solved {
     /// Relative errors.
     pub errors: BTreeMap<String, f64>,
-    /// Wall time before the first step, s.
-    pub setup_s: f64,
-    /// Wall time of the steps, s.
-    pub steps_s: f64,
-    /// Processor time of the steps, s.
-    pub steps_cpu_s: f64,
-    /// Wall time by phase, s.
-    pub phases: BTreeMap<String, f64>,
-    /// Steps.
-    pub steps: u64,
-    /// Solutions of the fluid, if there is one.
-    pub fluid_solves: Option<u64>,
-    /// Steps in which a solver stopped before its tolerance.
-    pub unconverged_steps: u64,
+    /// What it took.
+    #[serde(flatten)]
+    pub cost: Cost,
 }
 
 /// A problem with its settings.
@@ -166,16 +155,17 @@ impl Manufactured {
             ("T", share(|off| off.temperature.l2)),
             ("grad T", share(|off| off.temperature.h1)),
         ];
+        let phases = [("mesh", spent.mesh), ("flow", spent.flow), ("energy", spent.heat)];
         Ok(Solved {
             errors: errors.map(|(name, error)| (name.to_owned(), error)).into(),
-            steps_s: spent.all,
-            steps_cpu_s: spent.cpu,
-            phases: [("mesh", spent.mesh), ("flow", spent.flow), ("energy", spent.heat)]
-                .map(|(name, seconds)| (name.to_owned(), seconds))
-                .into(),
-            steps: steps as u64,
-            fluid_solves: Some(steps as u64),
-            ..Solved::default()
+            cost: Cost {
+                steps_s: spent.all,
+                steps_cpu_s: spent.cpu,
+                phases: phases.map(|(name, seconds)| (name.to_owned(), seconds)).into(),
+                steps: steps as u64,
+                fluid_solves: Some(steps as u64),
+                ..Cost::default()
+            },
         })
     }
 }
@@ -249,20 +239,20 @@ impl Slip {
         let steps = (self.end / self.dt).round().max(1.0) as u64;
         let dt = self.dt / (slip_box.fluid_rate + slip_box.grain_rate);
         let before = slip_box.slip()?;
-        let mut solved = Solved { setup_s: begun.elapsed().as_secs_f64(), steps, ..Solved::default() };
+        let mut cost = Cost { setup_s: begun.elapsed().as_secs_f64(), steps, ..Cost::default() };
         let (mut solves, mut spent) = (0, Spent::default());
         for _ in 0..steps {
             let report = timed(&mut spent, || slip_box.system.step(dt))?;
             solves += report.agreement.map_or(1, |agreement| agreement.solves as u64);
             for (name, seconds) in report.phases.named() {
-                *solved.phases.entry(name.to_owned()).or_default() += seconds;
+                *cost.phases.entry(name.to_owned()).or_default() += seconds;
             }
         }
-        (solved.steps_s, solved.steps_cpu_s) = (spent.wall, spent.cpu);
-        solved.fluid_solves = Some(solves);
+        (cost.steps_s, cost.steps_cpu_s) = (spent.wall, spent.cpu);
+        cost.fluid_solves = Some(solves);
         let exact = (-(steps as f64) * self.dt).exp();
-        solved.errors.insert("slip".into(), (slip_box.slip()? / before / exact - 1.0).abs());
-        Ok(solved)
+        let error = (slip_box.slip()? / before / exact - 1.0).abs();
+        Ok(Solved { errors: [("slip".to_owned(), error)].into(), cost })
     }
 }
 
@@ -320,12 +310,14 @@ impl Problem for Stack {
             let report = timed(&mut spent, || dem.step(1e-3, &Load::default()));
             Ok(Solved {
                 errors: [("forces".to_owned(), stack::error_of(&dem))].into(),
-                steps_s: spent.wall,
-                steps_cpu_s: spent.cpu,
-                phases: [("contacts".to_owned(), spent.wall)].into(),
-                steps: 1,
-                unconverged_steps: u64::from(!report.converged),
-                ..Solved::default()
+                cost: Cost {
+                    steps_s: spent.wall,
+                    steps_cpu_s: spent.cpu,
+                    phases: [("contacts".to_owned(), spent.wall)].into(),
+                    steps: 1,
+                    unconverged_steps: u64::from(!report.converged),
+                    ..Cost::default()
+                },
             })
         })
     }
@@ -340,8 +332,8 @@ fn often(once: impl Fn() -> Result<Solved>) -> Result<Solved> {
     while all.is_empty() || begun.elapsed().as_secs_f64() < LONG_ENOUGH {
         all.push(once()?);
     }
-    let middle = median(&all.iter().map(|solved: &Solved| solved.steps_cpu_s).collect::<Vec<f64>>());
-    let away = |solved: &Solved| (solved.steps_cpu_s - middle).abs();
+    let middle = median(&all.iter().map(|solved: &Solved| solved.cost.steps_cpu_s).collect::<Vec<f64>>());
+    let away = |solved: &Solved| (solved.cost.steps_cpu_s - middle).abs();
     let nearest = all.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)));
     nearest.ok_or_else(|| Error::Run("nothing was run".into()))
 }

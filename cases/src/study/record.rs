@@ -50,22 +50,21 @@ const DONE: &str = "done";
 impl Row {
     /// The row of a run that ended well.
     pub fn done(run: &Run, timed: &Timed) -> Self {
-        let Measured { values, steps_s, steps_cpu_s, phases, steps, fluid_solves, unconverged_steps, .. } =
-            &timed.measured;
+        let Measured { values, cost } = &timed.measured;
         let list = |values: &Vec<f64>| values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
-        let phases = phases.iter().map(|(name, seconds)| format!("{name}={seconds}"));
+        let phases = cost.phases.iter().map(|(name, seconds)| format!("{name}={seconds}"));
         Self {
             outcome: DONE.into(),
             values: values.iter().map(list).collect::<Vec<_>>().join("; "),
             wall_s: timed.wall_s,
-            steps_s: *steps_s,
-            steps_cpu_s: *steps_cpu_s,
+            steps_s: cost.steps_s,
+            steps_cpu_s: cost.steps_cpu_s,
             cpu_s: timed.cpu_s,
             spread: timed.spread,
             repeats: timed.repeats,
-            steps: *steps,
-            fluid_solves: *fluid_solves,
-            unconverged_steps: *unconverged_steps,
+            steps: cost.steps,
+            fluid_solves: cost.fluid_solves,
+            unconverged_steps: cost.unconverged_steps,
             phases: phases.collect::<Vec<_>>().join(" "),
             ..Self::failed(run, "")
         }

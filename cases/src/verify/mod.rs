@@ -19,6 +19,7 @@ use crate::run::start_threads;
 use crate::suite::Suite;
 use clap::Args;
 use record::Record;
+use std::collections::BTreeMap;
 use std::time::Instant;
 use tracing::warn;
 use voidage_coupling::recorder::create_folder;
@@ -55,7 +56,7 @@ pub fn verify(options: &Options) -> Result<u8> {
     create_folder(&folder)?;
     let effort = if suite.quick { Effort::Quick } else { Effort::Full };
     let mut record = Record::create(&folder)?;
-    let mut drawn: Vec<Panel> = Vec::new();
+    let mut drawn: BTreeMap<&str, Vec<Panel>> = BTreeMap::new();
     let (mut missed, mut count) = (0, 0);
     let progress = Progress::of("case", 0, chosen.len() as u64, suite.quiet);
     for (done, case) in chosen.iter().enumerate() {
@@ -67,11 +68,13 @@ pub fn verify(options: &Options) -> Result<u8> {
         print(case, &outcome.findings, wall);
         missed += outcome.findings.iter().filter(|finding| !finding.passes()).count();
         count += outcome.findings.len();
-        drawn.extend(outcome.panels);
+        drawn.entry(case.group).or_default().extend(outcome.panels);
     }
     progress.tell(chosen.len() as u64, "done");
-    for page in panels::pages(&folder, "verification", &drawn)? {
-        println!("{}", page.display());
+    for (group, panels) in drawn {
+        for page in panels::pages(&folder, &format!("verification-{group}"), &panels)? {
+            println!("{}", page.display());
+        }
     }
     println!("{}", folder.join("verification.csv").display());
     println!("{} of {count} findings are outside of what is allowed", missed);

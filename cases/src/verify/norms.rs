@@ -38,6 +38,16 @@ pub fn errors<const N: usize>(
     nodal: impl Fn(usize) -> [f64; N] + Sync,
     exact: impl Fn(Vec2) -> [(f64, Vec2); N] + Sync,
 ) -> Errors {
+    errors_in(mesh, |_| true, nodal, exact)
+}
+
+/// The same in the cells whose centroids are in a part of the mesh.
+pub fn errors_in<const N: usize>(
+    mesh: &Mesh<2>,
+    part: impl Fn(Vec2) -> bool,
+    nodal: impl Fn(usize) -> [f64; N] + Sync,
+    exact: impl Fn(Vec2) -> [(f64, Vec2); N] + Sync,
+) -> Errors {
     let squares = |cell: usize| {
         let nodes: [usize; 3] = std::array::from_fn(|a| mesh.cells[3 * cell + a] as usize);
         let corners = nodes.map(|node| mesh.points[node]);
@@ -56,7 +66,8 @@ pub fn errors<const N: usize>(
         sum
     };
     // Summed in the order of the cells, so that the result does not depend on the number of threads.
-    let all: Vec<[f64; 2]> = (0..mesh.cell_count()).into_par_iter().map(squares).collect();
+    let cells: Vec<usize> = (0..mesh.cell_count()).filter(|cell| part(mesh.centroid(*cell))).collect();
+    let all: Vec<[f64; 2]> = cells.into_par_iter().map(squares).collect();
     let [l2, h1] = [0, 1].map(|k| all.iter().map(|sum| sum[k]).sum::<f64>().sqrt());
     Errors { l2, h1 }
 }

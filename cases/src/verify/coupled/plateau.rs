@@ -16,11 +16,10 @@ pub const CASE: Case = Case {
 
 const SCENE: &str = include_str!("../../../bubbling-bed/scene-quick.toml");
 
-/// Width of the bed, m.
-const WIDTH: f64 = 0.04;
-
-/// The whole floor blows: over a closed nozzle grains would rest on it.
-const CHANGES: [&str; 5] = [
+/// The whole floor blows: over a closed nozzle grains would rest on it. The walls slip: a node that a wall holds takes the drag of
+/// the grains within an element of it, which is 1.6 % of the weight on this mesh.
+const CHANGES: [&str; 6] = [
+    "fluid.boundaries.walls.flow=\"slip\"",
     "fluid.mesh.rectangle.size=3e-3",
     "grains[0].amount={mass=2.5}",
     "fluid.boundaries.nozzle.flow={superficial_velocity=[0,0.85]}",
@@ -34,14 +33,25 @@ fn momentum(simulation: &Simulation) -> f64 {
     grains.map_or(f64::NAN, |grains| grains.mass.iter().zip(grains.velocity).map(|(m, v)| m * v.y).sum())
 }
 
-/// A mean over a time differs from the weight by the momentum that the grains gained and by what the floor carries, the
-/// lowest row or so of grains; both are known and close the balance.
+/// Weight of the gas over the area of the box, Pa, and the width of the box, m.
+fn gas(simulation: &Simulation) -> Option<(f64, f64)> {
+    let coupled = simulation.coupled();
+    let (grains, laws) = (coupled.grains.as_ref()?, &coupled.interaction.as_ref()?.laws);
+    let (low, high) = coupled.fluid.as_ref()?.mesh.bounds();
+    Some((laws.density * grains.settings().gravity.norm() * (high - low).y, (high - low).x))
+}
+
+/// A mean over a time differs from the weight by that of the gas, by the momentum that the grains gained and by what floor and
+/// walls carry, one per cent; all are known and close the balance. What is left, 0.1 %, is that nodes on the floor share the
+/// lowest row of grains, so that the pressure there is not quite the force on it: above a clear layer of two elements, the
+/// grains on a sieve, 0.02 % are left.
 fn run(effort: Effort) -> Result<Outcome> {
     let scene =
         Scene::parse(Path::new("cases/bubbling-bed/scene-quick.toml"), SCENE, &CHANGES.map(String::from))?;
     let mut simulation = Simulation::new(&scene)?;
     let lost = || Error::Run("the bed has no grains or no fluid".into());
     let weight = simulation.bed_weight_per_area().ok_or_else(lost)?;
+    let (gas, width) = gas(&simulation).ok_or_else(lost)?;
     let dt = scene.time.step;
     let mut curve = Vec::new();
     let (before_steps, steps) = effort.pick((100, 400), (500, 4000));
@@ -55,13 +65,13 @@ fn run(effort: Effort) -> Result<Outcome> {
         simulation.refresh()?;
         let fluid = simulation.view().fluid.ok_or_else(lost)?;
         let at = |name| fluid.mean_pressure(name).ok_or_else(lost);
-        let drop = at("inflow")? - at("outflow")?;
+        let drop = at("inflow")? - at("outflow")? - gas;
         sum += drop;
         let grains = simulation.coupled().grains.as_ref().ok_or_else(lost)?;
-        floor -= grains.wall_force().iter().map(|force| force.y).sum::<f64>() / WIDTH;
+        floor -= grains.wall_force().iter().map(|force| force.y).sum::<f64>() / width;
         curve.push((simulation.time(), drop / weight));
     }
-    let heave = (momentum(&simulation) - before) / (steps as f64 * dt * WIDTH);
+    let heave = (momentum(&simulation) - before) / (steps as f64 * dt * width);
     let (drop, floor) = (sum / steps as f64, floor / steps as f64);
     let totals = simulation.totals();
     let defects =
@@ -74,8 +84,14 @@ fn run(effort: Effort) -> Result<Outcome> {
     };
     Ok(Outcome {
         findings: vec![
-            Finding::relative("mean pressure drop less gained momentum", "Pa", weight, drop - heave, 0.05),
-            Finding::relative("the same with what the walls carry", "Pa", weight, drop + floor - heave, 0.02),
+            Finding::relative("mean pressure drop less gained momentum", "Pa", weight, drop - heave, 0.03),
+            Finding::relative(
+                "the same with what the walls carry",
+                "Pa",
+                weight,
+                drop + floor - heave,
+                0.003,
+            ),
             Finding::at_most("largest defect of momentum, energy, volume exchanged", "1", 1e-12, worst),
         ],
         panels: vec![panel],

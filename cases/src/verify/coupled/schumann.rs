@@ -139,6 +139,7 @@ fn run(effort: Effort) -> Result<Outcome> {
         "\u{3be}",
         "(T \u{2212} cold) / (hot \u{2212} cold)",
     );
+    let mut measured: [Vec<Curve>; 2] = Default::default();
     for tau in [1usize, 2, 5, 10] {
         while system.steps() < (tau * per_unit) as u64 {
             system.step(unit / per_unit as f64)?;
@@ -157,11 +158,12 @@ fn run(effort: Effort) -> Result<Outcome> {
             ));
             let label = |text: &str| if tau == 1 { format!("{text}, {name}") } else { String::new() };
             let thin = lines[k].iter().copied().step_by((cells * (k + 1)) / 20).collect();
-            panel.curves.push(Curve::points(label("measured"), thin));
+            measured[k].push(Curve::points(label("measured"), thin));
             let curve = (0..=100).map(|n| LENGTH * n as f64 / 100.0).map(|xi| (xi, exact(xi, place)[k]));
             panel.curves.push(Curve::line(if k == 0 && tau == 1 { "exact" } else { "" }, curve.collect()));
         }
     }
+    panel.curves.extend(measured.into_iter().flatten());
     outcome.panels.push(panel);
     Ok(outcome)
 }

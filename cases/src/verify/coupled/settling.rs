@@ -1,154 +1,200 @@
 //! The front of a settling suspension.
 
-use crate::models::{FluidSet, Vec2, column, pile};
+use crate::models::{FluidSet, Vec2, alike, parallel};
 use crate::plot::panels::{Curve, Panel};
+use crate::verify::grains::scene::line;
 use crate::verify::{Case, Effort, Finding, Outcome};
 use std::f64::consts::PI;
 use voidage_coupling::closure::{Surroundings, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Error, Laws, Result};
-use voidage_dem::{Material, Settings};
+use voidage_coupling::{Coupled, Error, Laws, Result};
+use voidage_dem::{Dem, Material, Settings, Wall};
 use voidage_fluid::conditions::FlowCondition;
 
 /// The case.
 pub const CASE: Case = Case {
     name: "settling-front",
     group: "coupled",
-    title: "speed of the front between a settling suspension and the clear liquid above it",
+    title: "speed of the front between a suspension that settles from rest and the clear liquid above it",
     source: "exact for the closure: v = -eps w where (gamma/V) w = eps (rho_p - rho_f) g and eps u + phi v = 0",
     run,
 };
 
-/// Water and glass, grains of 1 mm (SI).
+/// Water and glass (SI).
 const FLUID: f64 = 1000.0;
 const SOLID: f64 = 2500.0;
 const VISCOSITY: f64 = 1e-3;
-const DIAMETER: f64 = 1e-3;
 const GRAVITY: f64 = 9.81;
-/// Width of the column, m: grains that can move aside do so, and the heavier side sinks.
-const WIDTH: f64 = 1.001 * DIAMETER;
+/// Rows of grains, and rows that would fit into the clear liquid above.
+const ROWS: usize = 96;
+const CLEAR: usize = 24;
 
-/// Speed of the grains of a uniform suspension, m/s: the balance of one grain, solved by bisection.
-fn exact(laws: &Laws, voidage: f64) -> f64 {
-    let excess = |w: f64| {
+/// A square lattice of grains, a square of the mesh for every few.
+///
+/// A uniform suspension does not stay one for long. P1 velocities that change sign from row to row of nodes have no divergence
+/// that a cell sees, so that only momentum holds them: solid that alternates from node to node by a share d drives them with
+/// some 10 d terminal velocities (measured, for fine grains, two to eight rows to a square). Waves run in from the front and from
+/// the sediment and grow; the inertia of coarse grains slows them. And a grain that passes through a cell loads it by its own
+/// weight, which the pressure stabilisation answers with a flow in proportion to its time: fine grains fall too fast, by 4 %
+/// (3 x 3 to a square) to 90 % (one), where a step is longer than their relaxation time, by 0.3 % where it is a tenth of it.
+/// So the lattice is one that loads all nodes alike, coarse grains are followed over eight rows, and fine ones over two, with short
+/// steps.
+#[derive(Clone, Copy)]
+struct Suspension {
+    function: VoidageFunction,
+    /// Share of solid.
+    share: f64,
+    /// m.
+    diameter: f64,
+    /// Rows to a square, and squares across.
+    each: usize,
+    across: usize,
+    /// How far a grain falls in a step, in spacings of the lattice.
+    travel: f64,
+    /// Rows fallen between which the speed is measured, behind the start from rest.
+    window: [f64; 2],
+}
+
+impl Suspension {
+    /// gamma / V of a grain at a slip.
+    fn drag(&self, laws: &Laws, slip: f64) -> f64 {
+        let voidage = 1.0 - self.share;
         let around =
-            Surroundings { slip: w, voidage, diameter: DIAMETER, density: FLUID, viscosity: VISCOSITY };
-        laws.drag.coefficient(&around, laws.voidage_function) * w - voidage * (SOLID - FLUID) * GRAVITY
-    };
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..200 {
-        let middle = 0.5 * (low + high);
-        if excess(middle) < 0.0 { low = middle } else { high = middle }
+            Surroundings { slip, voidage, diameter: self.diameter, density: FLUID, viscosity: VISCOSITY };
+        laws.drag.coefficient(&around, laws.voidage_function)
     }
-    voidage * low
-}
 
-/// Squares of the column, and those that the suspension fills at first.
-const SQUARES: usize = 24;
-const FILLED: usize = 20;
-/// Grains to a square.
-const EACH: usize = 4;
-
-/// Distance between grains that makes a share of solid, m.
-fn spacing(share: f64) -> f64 {
-    0.25 * PI * DIAMETER * DIAMETER / (share * WIDTH)
-}
-
-/// Height of the front against time, and the laws. The grains fall in single file: a suspension that is free to overturn does so before its front has gone far.
-fn fall(function: VoidageFunction, share: f64, steps: usize) -> Result<(Vec<(f64, f64)>, Laws)> {
-    let apart = spacing(share);
-    let mut set = FluidSet::new(FLUID, VISCOSITY)
-        .flow("top", FlowCondition::Open { pressure: 0.0 })
-        .flow("left", FlowCondition::Slip)
-        .flow("right", FlowCondition::Slip);
-    set.properties.gravity = Vec2::new(0.0, -GRAVITY);
-    let mesh = column([WIDTH, EACH as f64 * apart * SQUARES as f64], SQUARES)?;
-    let laws = Laws { voidage_function: function, ..set.laws(None) };
-    let speed = exact(&laws, 1.0 - share);
-    let rise = Vec2::new(0.0, share / (1.0 - share) * speed);
-    let mut start = set.rest(&mesh, 0.0);
-    let top = (EACH * FILLED) as f64 * apart;
-    for (u, x) in start.velocity.iter_mut().zip(&mesh.points) {
-        *u = if x.y > 0.0 && x.y < top { rise } else { Vec2::zeros() };
-    }
-    let heights: Vec<f64> = (0..EACH * FILLED).map(|k| (k as f64 + 0.5) * apart).collect();
-    let material = Material { density: SOLID, ..Material::default() };
-    let mut grains = pile(&heights, 0.5 * DIAMETER, WIDTH, material, Settings::default())?;
-    grains.particles.velocity.fill(Vec2::new(0.0, -speed));
-    // Without the contact forces of the sediment, which are not needed for what is measured.
-    let mut system = set.with_grains(set.build(mesh, start)?, grains, laws, SchemeName::HenryFree)?;
-    if let Some(interaction) = &mut system.interaction {
-        interaction.at.velocity.fill(rise);
-    }
-    let dt = drop(share) / speed / steps as f64;
-    let mut front = Vec::new();
-    for step in 0..=steps {
-        let grains = system.grains.as_ref().ok_or_else(|| Error::Run("no grains".into()))?;
-        front.push((step as f64 * dt, level(&grains.particles.position, share)));
-        if step < steps {
-            system.step(dt)?;
+    /// Speed of the grains, m/s: the balance of one grain, solved by bisection.
+    fn speed(&self, laws: &Laws) -> f64 {
+        let voidage = 1.0 - self.share;
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            let light = self.drag(laws, middle) * middle < voidage * (SOLID - FLUID) * GRAVITY;
+            if light { low = middle } else { high = middle }
         }
+        voidage * low
     }
-    Ok((front, laws))
+
+    /// Distance between grains, m.
+    fn spacing(&self) -> f64 {
+        (0.25 * PI / self.share).sqrt() * self.diameter
+    }
+
+    fn columns(&self) -> usize {
+        self.across * self.each
+    }
+
+    fn system(&self) -> Result<(Coupled<2>, Laws)> {
+        let mut set = FluidSet::new(FLUID, VISCOSITY)
+            .flow("top", FlowCondition::Open { pressure: 0.0 })
+            .flow("bottom", FlowCondition::Slip)
+            .flow("left", FlowCondition::Slip)
+            .flow("right", FlowCondition::Slip);
+        set.properties.gravity = Vec2::new(0.0, -GRAVITY);
+        set.properties.drag_in_stabilisation = true;
+        let apart = self.spacing();
+        let [width, height] = [self.columns(), ROWS + CLEAR].map(|count| count as f64 * apart);
+        let mesh = parallel([width, height], [self.across, (ROWS + CLEAR) / self.each])?;
+        let laws = Laws { voidage_function: self.function, ..set.laws(None) };
+        let place = |k: usize| {
+            Vec2::new((k % self.columns()) as f64 + 0.5, (k / self.columns()) as f64 + 0.5) * apart
+        };
+        let material = Material { density: SOLID, ..Material::default() };
+        let particles =
+            alike((0..ROWS * self.columns()).map(place).collect(), 0.5 * self.diameter, &material)?;
+        let [a, b, c, d] = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(Vec2::from);
+        let walls = vec![Wall::new("floor", a, b), Wall::new("left", a, c), Wall::new("right", b, d)];
+        let grains = Dem::new(particles, walls, vec![material], Settings::default())?;
+        let start = set.rest(&mesh, 0.0);
+        let system = set.with_grains(set.build(mesh, start)?, grains, laws, SchemeName::default())?;
+        Ok((system, laws))
+    }
+
+    /// Height of the front, in spacings: that of a suspension of the full share of solid which holds as many rows above a
+    /// level in its middle as there are. The grains on top see the clear liquid of the cell above them, fall faster, and gather
+    /// to a cap as tall as a cell or two; what it holds is counted, where it is does not matter.
+    fn front(&self, system: &Coupled<2>) -> Result<f64> {
+        let grains = system.grains.as_ref().ok_or_else(|| Error::Run("no grains".into()))?;
+        let mut heights: Vec<f64> = grains.particles.position.iter().map(|x| x.y / self.spacing()).collect();
+        heights.sort_by(f64::total_cmp);
+        let rows: Vec<f64> =
+            heights.chunks(self.columns()).map(|row| row.iter().sum::<f64>() / row.len() as f64).collect();
+        let middle = 0.5 * ROWS as f64;
+        let above = rows.partition_point(|y| *y < middle).clamp(1, ROWS - 1);
+        let part = (rows[above] - middle) / (rows[above] - rows[above - 1]);
+        Ok(middle + (ROWS - above) as f64 - 0.5 + part)
+    }
+
+    /// Time, in which a row falls by its distance to the next, and height of the front, in spacings, from rest to the end of
+    /// the window; and the speed that the closure gives, m/s.
+    fn fall(&self) -> Result<(Vec<(f64, f64)>, f64)> {
+        let (mut system, laws) = self.system()?;
+        let speed = self.speed(&laws);
+        let dt = self.travel * self.spacing() / speed;
+        let mut path = vec![(0.0, self.front(&system)?)];
+        for step in 1..=(self.window[1] / self.travel).round() as usize {
+            system.step(dt)?;
+            path.push((step as f64 * self.travel, self.front(&system)?));
+        }
+        Ok((path, speed))
+    }
 }
 
-/// Height of the front, m: that of a suspension of the full share of solid which holds as much above a level in its middle as
-/// there is. The grains on top see the clear liquid of the cell above them, fall faster, and gather to a cap as tall as
-/// a cell or two; what it holds is counted, where it is does not matter.
-fn level(position: &[Vec2], share: f64) -> f64 {
-    let middle = 0.5 * (EACH * FILLED) as f64 * spacing(share);
-    let below = position.partition_point(|x| x.y < middle);
-    let (Some(low), Some(high)) = (position[..below].last().map(|x| x.y), position.get(below).map(|x| x.y))
-    else {
-        return f64::NAN;
+/// What falls: coarse grains in a box as wide as effort allows, and fine grains in single file.
+fn suspensions(effort: Effort) -> Vec<Suspension> {
+    let across = effort.pick(1, 6);
+    let coarse = |function, share| Suspension {
+        function,
+        share,
+        diameter: 1e-3,
+        each: 2,
+        across,
+        travel: 0.1,
+        window: [4.0, 12.0],
     };
-    let above = (position.len() - below) as f64 - 0.5 + (high - middle) / (high - low);
-    middle + above * spacing(share)
-}
-
-/// How far the front is to fall, m: by one square. Grains and liquid start at the speeds of a uniform suspension. Further
-/// down, waves of density have grown from the grain by grain passage through the mesh, and the speed scatters by some per
-/// cent: a suspension without a pressure of its own is unstable to them. With grains of 0.1 mm, and time steps above
-/// their relaxation time, they have grown at once; there the pressure stabilisation, which does not know the drag, lets more
-/// liquid through a residual than the suspension does.
-fn drop(share: f64) -> f64 {
-    EACH as f64 * spacing(share)
-}
-
-/// Slope of the straight line through points, by least squares.
-fn slope(points: &[(f64, f64)]) -> f64 {
-    let count = points.len() as f64;
-    let mean = |f: fn(&(f64, f64)) -> f64| points.iter().map(f).sum::<f64>() / count;
-    let (x, y) = (mean(|p| p.0), mean(|p| p.1));
-    let (mut xy, mut xx) = (0.0, 0.0);
-    for (a, b) in points {
-        xy += (a - x) * (b - y);
-        xx += (a - x) * (a - x);
+    let mut all = vec![
+        coarse(VoidageFunction::Henry, 0.3),
+        coarse(VoidageFunction::Henry, 0.1),
+        coarse(VoidageFunction::None, 0.15),
+    ];
+    if effort == Effort::Full {
+        let fine = Suspension {
+            diameter: 1e-4,
+            each: 1,
+            across: 1,
+            // A tenth of the relaxation time.
+            travel: 1.5e-3,
+            window: [1.0, 3.0],
+            ..coarse(VoidageFunction::Henry, 0.1)
+        };
+        all.push(fine);
     }
-    xy / xx
+    all
 }
 
 fn run(effort: Effort) -> Result<Outcome> {
-    let steps = effort.pick(400, 2000);
     let mut outcome = Outcome::default();
-    let mut panel = Panel::new("Front of a settling suspension", "t v / fall", "height / fall");
-    for (function, share) in
-        [(VoidageFunction::Henry, 0.3), (VoidageFunction::Henry, 0.1), (VoidageFunction::None, 0.15)]
-    {
-        let (front, laws) = fall(function, share, steps)?;
-        let speed = exact(&laws, 1.0 - share);
-        let measured = -slope(&front);
+    let mut panel = Panel::new("Front of a settling suspension", "t v / spacing", "fall / spacing");
+    for suspension in suspensions(effort) {
+        let Suspension { function, share, diameter, window: [from, to], .. } = suspension;
+        let (path, speed) = suspension.fall()?;
+        let inside: Vec<(f64, f64)> = path.iter().copied().filter(|p| p.0 >= from && p.0 <= to).collect();
+        let measured = -line(&inside).1 * speed;
         let name = if function == VoidageFunction::None { "none" } else { "henry" };
-        let what = format!("speed of the front, phi {share}, voidage function {name}");
-        outcome.findings.push(Finding::relative(what, "m/s", speed, measured, 0.005));
-        let fall = drop(share);
-        let scaled = |(t, y): &(f64, f64)| (t * speed / fall, y / fall);
-        let thin = front.iter().step_by(steps / 20).map(scaled).collect();
-        panel.curves.push(Curve::points(format!("\u{3c6} {share}, {name}"), thin));
-        let first = front[0].1 / fall;
-        let line = vec![(0.0, first), (1.0, first - 1.0)];
-        panel.curves.push(Curve::line(if share == 0.3 { "closure" } else { "" }, line));
+        let what = format!("{} mm, \u{3c6} {share}, {name}", 1e3 * diameter);
+        outcome.findings.push(Finding::relative(
+            format!("speed of the front, {what}"),
+            "m/s",
+            speed,
+            measured,
+            0.005,
+        ));
+        let every = (inside.len() / (2.0 * (to - from)) as usize).max(1);
+        let fallen = inside.iter().step_by(every).map(|(t, y)| (t - inside[0].0, inside[0].1 - y)).collect();
+        panel.curves.push(Curve::points(what, fallen));
     }
+    panel.curves.push(Curve::line("closure", vec![(0.0, 0.0), (8.0, 8.0)]));
     outcome.panels.push(panel);
     Ok(outcome)
 }

@@ -4,7 +4,7 @@ use super::immersed::Immersed;
 use crate::models::{FluidSet, Vec2, grid};
 use crate::study::clock;
 use crate::verify::jet::Jet;
-use crate::verify::norms::{Errors, errors};
+use crate::verify::norms::{Errors, errors, errors_in};
 use voidage_coupling::Result;
 use voidage_fluid::conditions::{FlowCondition, HeatCondition, Prescribed};
 use voidage_fluid::flow::{HeatProperties, Sources, State};
@@ -151,8 +151,15 @@ pub struct Off {
     pub velocity: Errors,
     /// Pressure, both moved to a mean of zero.
     pub pressure: Errors,
+    /// The same an eighth of the box away from the walls.
+    pub pressure_inside: Errors,
     /// Temperature.
     pub temperature: Errors,
+}
+
+/// Whether a place is an eighth of the box away from its walls.
+fn inside(x: Vec2) -> bool {
+    x.amax() < 0.75
 }
 
 /// Time of the solver, s.
@@ -198,17 +205,7 @@ impl Run {
         let start = self.nodal(&mesh, 0.0);
         let (points, volume) = (mesh.points.clone(), mesh.nodal_volume());
         let mut whole = clock::Spent::default();
-        let new = || {
-            Flow::<2, 3>::new(
-                mesh,
-                set.properties.clone(),
-                set.heat.clone(),
-                &set.conditions,
-                start,
-                &set.numerics,
-            )
-        };
-        let mut flow = clock::timed(&mut whole, new)?;
+        let mut flow = clock::timed(&mut whole, || set.equations(mesh, start))?;
         let mut spent = Spent { mesh: whole.wall, ..Spent::default() };
         let bodies = self.bodies.as_ref();
         for step in 1..=self.steps {
@@ -264,6 +261,7 @@ impl Run {
         Off {
             velocity: errors(mesh, |_| [0.0; 2], |x| at(x).velocity.map(with_slope)),
             pressure: errors(mesh, |_| [0.0], |x| [with_slope(at(x).pressure)]),
+            pressure_inside: errors_in(mesh, inside, |_| [0.0], |x| [with_slope(at(x).pressure)]),
             temperature: errors(mesh, |_| [0.0], |x| [with_slope(at(x).temperature)]),
         }
     }
@@ -279,6 +277,7 @@ impl Run {
         };
         let level = mean(&mut state.pressure.iter().copied())
             - mean(&mut mesh.points.iter().map(|x| at(*x).pressure.value));
+        let pressure = |a: usize| [state.pressure[a] - level];
         let none = Vec::new();
         let warm = state.temperature.as_ref().unwrap_or(&none);
         Off {
@@ -287,7 +286,8 @@ impl Run {
                 |a| [state.velocity[a].x, state.velocity[a].y],
                 |x| at(x).velocity.map(with_slope),
             ),
-            pressure: errors(mesh, |a| [state.pressure[a] - level], |x| [with_slope(at(x).pressure)]),
+            pressure: errors(mesh, pressure, |x| [with_slope(at(x).pressure)]),
+            pressure_inside: errors_in(mesh, inside, pressure, |x| [with_slope(at(x).pressure)]),
             temperature: errors(mesh, |a| [warm[a]], |x| [with_slope(at(x).temperature)]),
         }
     }

@@ -123,22 +123,34 @@ const UNSTEADY: Fields = Fields {
 /// Drag and exchange of heat as strong as viscosity and conduction over a quarter of the box, laws that yield half way.
 const BODIES: Bodies = Bodies { drag: 20.0, yielding: 0.5, heat: 20.0, warming: 0.5 };
 
-/// Errors whose orders are asked for, with the order of theory.
-const QUANTITIES: [(&str, f64); 5] =
-    [("u in L2", 1.9), ("u in H1", 0.95), ("p in L2", 1.5), ("T in L2", 1.9), ("T in H1", 0.95)];
+/// Errors whose orders are asked for.
+const QUANTITIES: [(&str, f64); 6] = [
+    ("u in L2", 1.9),
+    ("u in H1", 0.95),
+    ("p in L2", 1.5),
+    ("T in L2", 1.9),
+    ("T in H1", 0.95),
+    ("p in L2 away from walls", 1.9),
+];
 
-fn errors_of(off: &Off) -> [f64; 5] {
-    [off.velocity.l2, off.velocity.h1, off.pressure.l2, off.temperature.l2, off.temperature.h1]
+fn errors_of(off: &Off) -> [f64; 6] {
+    let inside = off.pressure_inside.l2;
+    [off.velocity.l2, off.velocity.h1, off.pressure.l2, off.temperature.l2, off.temperature.h1, inside]
 }
 
 /// The order that is asked for. That of the pressure tends to 1.5 from below where the wall-normal part of div(eps eta
 /// grad u) is not zero at the walls: P1 has no second derivatives, so the pressure stabilisation replaces the equation
 /// there by one without it, an error of order 1 in a strip as wide as the mesh. (1.16, 1.33, 1.45, 1.48 on 16 to 256 squares
-/// of the still field.) Where that part is zero, as in the sliding field, the order is 1.9.
+/// of the still field.) Where that part is zero, as in the sliding field, and away from the walls in all fields, the order is 2.
+///
+/// A stress recovered at the nodes would put the missing part back. Tried in scikit-fem with averages inside and linear
+/// continuation to the walls: two thirds of the error on 64 squares, of the same order, and twice the error away from walls; plain
+/// averages or a projection, of first order on the walls, do not help at all.
 fn least(quantity: usize, fields: &Fields, effort: Effort) -> f64 {
     match (QUANTITIES[quantity].0, fields.name) {
         ("p in L2", "sliding") => 1.9,
         ("p in L2", _) => effort.pick(1.3, 1.45),
+        ("p in L2 away from walls", _) => effort.pick(1.75, 1.9),
         _ => QUANTITIES[quantity].1,
     }
 }
@@ -151,7 +163,7 @@ fn run_space(effort: Effort) -> Result<Outcome> {
         let (dt, steps) = if matches!(fields.name, "moving" | "immersed") { (0.1, 8) } else { (1e3, 5) };
         let bodies = (fields.name == "immersed").then_some(BODIES);
         for lumped in [false, true] {
-            let mut errors: Vec<[f64; 5]> = Vec::new();
+            let mut errors: Vec<[f64; 6]> = Vec::new();
             for &squares in sizes {
                 let off = Run { fields, fluid: UNIT, squares, dt, steps, lumped, bodies }.solve()?;
                 errors.push(errors_of(&off));
@@ -178,7 +190,7 @@ fn run_space(effort: Effort) -> Result<Outcome> {
 }
 
 /// Errors against mesh size with the slopes that are expected.
-fn space_panel(name: &str, sizes: &[usize], errors: &[[f64; 5]]) -> Panel {
+fn space_panel(name: &str, sizes: &[usize], errors: &[[f64; 6]]) -> Panel {
     let h: Vec<f64> = sizes.iter().map(|squares| 2.0 / *squares as f64).collect();
     let mut panel = Panel::log_log(format!("Manufactured, {name} voidage"), "h (m)", "error");
     for (k, (name, _)) in QUANTITIES.iter().enumerate() {
@@ -242,7 +254,7 @@ fn run_time(effort: Effort) -> Result<Outcome> {
     outcome.panels.push(panel);
 
     let pairs: &[(usize, usize)] = effort.pick(&[(16, 10), (32, 40)], &[(16, 10), (32, 40), (64, 160)]);
-    let mut errors: Vec<[f64; 5]> = Vec::new();
+    let mut errors: Vec<[f64; 6]> = Vec::new();
     for &(squares, steps) in pairs {
         errors.push(errors_of(&run(squares, steps).solve()?));
     }

@@ -88,14 +88,7 @@ fn solve(wall: f64, rings: usize) -> Result<(f64, Flow<2, 3>)> {
     ];
     let start = set.rest(&mesh, BOILING);
     let clear = vec![1.0; mesh.points.len()];
-    let mut flow = Flow::<2, 3>::new(
-        mesh,
-        set.properties.clone(),
-        set.heat.clone(),
-        &set.conditions,
-        start,
-        &set.numerics,
-    )?;
+    let mut flow = set.equations(mesh, start)?;
     let mut rate = 0.0;
     for _ in 0..60 {
         set.conditions[0].flow = blowing(rate);

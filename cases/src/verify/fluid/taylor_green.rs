@@ -6,7 +6,6 @@ use crate::verify::norms::errors;
 use crate::verify::{Case, Effort, Finding, Outcome};
 use std::f64::consts::PI;
 use voidage_coupling::Result;
-use voidage_fluid::Flow;
 use voidage_fluid::conditions::FlowCondition;
 use voidage_fluid::flow::State;
 
@@ -58,8 +57,7 @@ fn solve(squares: usize, steps: usize, voidage: f64) -> Result<Vortex> {
         |state: &State<2>| state.velocity.iter().zip(&volume).map(|(u, v)| v * u.norm_squared()).sum::<f64>();
     let full = kinetic(&start);
     let field = vec![voidage; mesh.points.len()];
-    let mut flow =
-        Flow::<2, 3>::new(mesh, set.properties.clone(), None, &set.conditions, start, &set.numerics)?;
+    let mut flow = set.equations(mesh, start)?;
     let dt = END / steps as f64;
     let mut energy = vec![(0.0, 1.0)];
     for step in 1..=steps {

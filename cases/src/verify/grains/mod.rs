@@ -11,7 +11,7 @@ mod impact;
 mod network;
 mod packing;
 mod rolling;
-mod scene;
+pub(crate) mod scene;
 mod slope;
 pub(crate) mod stack;
 
