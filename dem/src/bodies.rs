@@ -87,6 +87,21 @@ impl<const D: usize> Bodies<D> {
         }
     }
 
+    /// Velocity and surface speed of every body.
+    pub fn state(&self) -> Vec<(Vector<D>, f64)> {
+        let surface = |i: usize| if self.spins() { self.surface(i) } else { 0.0 };
+        (0..self.len()).map(|i| (self.velocity(i), surface(i))).collect()
+    }
+
+    pub fn set_state(&self, state: &[(Vector<D>, f64)]) {
+        for (i, (velocity, surface)) in state.iter().enumerate() {
+            self.set_velocity(i, velocity);
+            if self.spins() {
+                self.set_surface(i, *surface);
+            }
+        }
+    }
+
     pub fn mobility(&self, i: usize) -> f64 {
         self.body[i].mobility
     }

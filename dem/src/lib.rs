@@ -17,6 +17,7 @@ mod contact;
 mod dem;
 mod error;
 mod heat;
+mod interior;
 mod mark;
 mod memory;
 mod neighbours;

@@ -44,6 +44,9 @@ pub struct Settings<const D: usize> {
     pub overlap_share: f64,
     /// Acceleration of the sweeps.
     pub acceleration: Acceleration,
+    /// Whether contacts that `max_sweeps` do not solve are handed to an interior-point method: grains whose masses lie far apart,
+    /// strong friction.
+    pub interior: bool,
     /// Heat through contacts; none: grains exchange no heat among themselves.
     pub conduction: Option<Conduction>,
     /// Adhesion; none: no contact pulls.
@@ -63,6 +66,7 @@ impl<const D: usize> Default for Settings<D> {
             max_substeps: 100,
             overlap_share: 0.2,
             acceleration: Acceleration::default(),
+            interior: true,
             conduction: None,
             cohesion: None,
         }

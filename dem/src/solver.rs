@@ -5,6 +5,7 @@
 
 use crate::bodies::Bodies;
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
+use crate::interior;
 use crate::space::Vector;
 use rayon::prelude::*;
 
@@ -24,8 +25,6 @@ pub(crate) struct Problem<const D: usize> {
     pub cohesion: Vec<f64>,
     pub tiles: Tiles,
     pub friction: bool,
-    /// What friction may reach at each contact once strong friction lags, N s; empty before.
-    bounds: Vec<f64>,
     /// Impulses before the last sweep, and velocities; empty without momentum.
     last: Vec<Vector<D>>,
     last_velocity: Vec<Vector<D>>,
@@ -41,6 +40,10 @@ pub(crate) struct Stopping {
     pub momentum: bool,
     /// Smallest scale of the relative natural map, the square of an impulse (kg m/s)^2.
     pub floor: f64,
+    /// Speed at which a contact of the smallest grain may close beyond its gap, m/s; others in proportion to their radius.
+    pub closing: f64,
+    /// Whether to go on by the interior-point method where sweeps do not suffice.
+    pub interior: bool,
 }
 
 /// How a solve ended.
@@ -49,6 +52,20 @@ pub(crate) struct Outcome {
     pub sweeps: usize,
     /// Relative natural map.
     pub residual: f64,
+    /// Fastest closing of a contact beyond its gap, over what is allowed; 0 if below.
+    pub closing: f64,
+}
+
+impl Outcome {
+    /// Solved up to 1. No grain may pass through another: closing counts first.
+    fn excess(&self, stopping: &Stopping) -> f64 {
+        let closing = if self.closing > 1.0 { self.closing } else { 0.0 };
+        self.residual.max(closing) / stopping.tolerance
+    }
+
+    pub fn solved(&self, stopping: &Stopping) -> bool {
+        self.excess(stopping) <= 1.0
+    }
 }
 
 /// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten nanoseconds.
@@ -56,16 +73,10 @@ const FORK: usize = 10_000;
 /// Sweeps between looks at the true residual at least.
 const LOOK: usize = 4;
 
-/// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the difference that
-/// a sweep makes up.
-///
-/// A sweep is no contraction when friction is strong: normal impulse and the bound mu p_n of the tangential one chase each
-/// other round a cycle. With the bound held, the problem is convex and sweeps converge; so the bound follows slowly. In beds with
-/// friction 10 half as many steps stay unsolved, and the worst of them lets grains overlap by a tenth as much. Weak friction
-/// converges without.
-const STRONG: f64 = 1.0;
-const LAGGING: usize = 200;
-const FOLLOW: f64 = 0.05;
+/// Bodies up to which the interior-point method goes on where grains pass into each other, and where only forces are not solved. Its factors
+/// take more than linear time: up to the second it costs about as much as the sweeps did, up to the first seconds.
+const CLOSING_BODIES: usize = 10_000;
+const UNSOLVED_BODIES: usize = 1000;
 
 /// How far the next sweep starts beyond the last one: p + beta (p - last p).
 ///
@@ -144,59 +155,81 @@ where
 }
 
 impl<const D: usize> Problem<D> {
-    /// Solves with the law that the scene needs, chosen once.
-    pub fn solve(&mut self, stopping: &Stopping) -> Outcome {
+    /// Solves with the law that the scene needs, chosen once. `radius` of a body, over that of the smallest grain, tells which of
+    /// two is smaller.
+    pub fn solve(&mut self, stopping: &Stopping, radius: &dyn Fn(usize) -> f64) -> Outcome {
         match (self.friction, self.bodies.spins(), !self.cohesion.is_empty()) {
-            (false, _, false) => self.solve_with::<Frictionless>(stopping),
-            (true, false, false) => self.solve_with::<Coulomb<false, false>>(stopping),
-            (true, true, false) => self.solve_with::<Coulomb<true, false>>(stopping),
-            (_, false, true) => self.solve_with::<Coulomb<false, true>>(stopping),
-            (_, true, true) => self.solve_with::<Coulomb<true, true>>(stopping),
+            (false, _, false) => self.solve_with::<Frictionless>(stopping, radius),
+            (true, false, false) => self.solve_with::<Coulomb<false, false>>(stopping, radius),
+            (true, true, false) => self.solve_with::<Coulomb<true, false>>(stopping, radius),
+            (_, false, true) => self.solve_with::<Coulomb<false, true>>(stopping, radius),
+            (_, true, true) => self.solve_with::<Coulomb<true, true>>(stopping, radius),
         }
     }
 
-    fn solve_with<L: Law>(&mut self, stopping: &Stopping) -> Outcome {
-        let mut outcome = Outcome { sweeps: 0, residual: self.residual::<L>(stopping.floor) };
+    /// Sweeps; what they leave goes to the interior-point method, and what that leaves to sweeps again.
+    fn solve_with<L: Law>(&mut self, stopping: &Stopping, radius: &dyn Fn(usize) -> f64) -> Outcome {
+        let first = self.sweeps::<L>(stopping, radius);
+        let most = if first.closing > 1.0 { CLOSING_BODIES } else { UNSOLVED_BODIES };
+        if first.solved(stopping) || !stopping.interior || self.bodies.len() > most {
+            return first;
+        }
+        let mut judge = |problem: &mut Self| problem.look_closely::<L>(stopping, radius).excess(stopping);
+        interior::solve(self, false, &mut judge);
+        if L::FRICTION && self.closing::<L>(stopping, radius) > 1.0 {
+            interior::solve(self, true, &mut judge);
+        }
+        let mut outcome = self.look_closely::<L>(stopping, radius);
+        let mut again = 0;
+        if !outcome.solved(stopping) {
+            let impulses: Vec<Vector<D>> = self.contacts.iter().map(|c| c.impulse).collect();
+            let state = self.bodies.state();
+            let second = self.sweeps::<L>(stopping, radius);
+            again = second.sweeps;
+            if second.excess(stopping) < outcome.excess(stopping) {
+                outcome = second;
+            } else {
+                self.contacts.iter_mut().zip(&impulses).for_each(|(c, p)| c.impulse = *p);
+                self.bodies.set_state(&state);
+            }
+        }
+        Outcome { sweeps: first.sweeps + again, ..outcome }
+    }
+
+    fn sweeps<L: Law>(&mut self, stopping: &Stopping, radius: &dyn Fn(usize) -> f64) -> Outcome {
+        let mut outcome = self.look::<L>(stopping);
         let mut last_look = 0;
-        self.bounds.clear();
         let mut momentum = Momentum::default();
         self.start_momentum(stopping.momentum);
-        while outcome.residual > stopping.tolerance && outcome.sweeps < stopping.max_sweeps {
-            if L::FRICTION && outcome.sweeps >= LAGGING {
-                self.follow_bounds();
+        loop {
+            // Who closes is looked at where all else is solved.
+            if outcome.closing > 0.0
+                && (outcome.residual <= stopping.tolerance || outcome.sweeps == stopping.max_sweeps)
+            {
+                outcome.closing = self.closing::<L>(stopping, radius);
             }
-            let [change, size, turn] = if stopping.momentum {
-                self.extrapolate(momentum.beta);
-                self.sweep::<L, true>(momentum.beta)
-            } else {
-                self.sweep::<L, false>(0.0)
-            };
-            outcome.sweeps += 1;
-            momentum.update(change, turn);
-            // The change of a sweep is the natural map met on the way, contact by contact: it tells for free
-            // when the true one is worth a look.
-            let near = change <= (stopping.tolerance * stopping.tolerance) * size.max(stopping.floor);
-            let since = outcome.sweeps - last_look;
-            let end = outcome.sweeps == stopping.max_sweeps;
-            if (near && since >= LOOK) || since >= 2 * LOOK || end {
-                outcome.residual = self.residual::<L>(stopping.floor);
-                last_look = outcome.sweeps;
+            if outcome.solved(stopping) || outcome.sweeps == stopping.max_sweeps {
+                return outcome;
             }
-        }
-        outcome
-    }
-
-    /// Moves the bounds of friction towards mu (p_n + c).
-    fn follow_bounds(&mut self) {
-        let cohesion = |k: usize| self.cohesion.get(k).copied().unwrap_or(0.0);
-        let bound = |k: usize, c: &Contact<D>| c.friction * (c.impulse.dot(&c.normal) + cohesion(k));
-        if self.bounds.is_empty() {
-            crate::reserve(&mut self.bounds, self.contacts.len());
-            self.bounds.extend(self.contacts.iter().enumerate().map(|(k, c)| bound(k, c)));
-        } else {
-            for (k, (lagging, c)) in self.bounds.iter_mut().zip(&self.contacts).enumerate() {
-                *lagging += FOLLOW * (bound(k, c) - *lagging);
+            let mut looked = false;
+            while !looked {
+                let [change, size, turn] = if stopping.momentum {
+                    self.extrapolate(momentum.beta);
+                    self.sweep::<L, true>(momentum.beta)
+                } else {
+                    self.sweep::<L, false>(0.0)
+                };
+                outcome.sweeps += 1;
+                momentum.update(change, turn);
+                // The change of a sweep is the natural map met on the way, contact by contact: it tells for free
+                // when the true one is worth a look.
+                let near = change <= (stopping.tolerance * stopping.tolerance) * size.max(stopping.floor);
+                let since = outcome.sweeps - last_look;
+                let end = outcome.sweeps == stopping.max_sweeps;
+                looked = (near && since >= LOOK) || since >= 2 * LOOK || end;
             }
+            last_look = outcome.sweeps;
+            outcome = Outcome { sweeps: outcome.sweeps, ..self.look::<L>(stopping) };
         }
     }
 
@@ -241,12 +274,10 @@ impl<const D: usize> Problem<D> {
 
     /// One pass over all contacts; its sums.
     fn sweep<L: Law, const MOMENTUM: bool>(&mut self, beta: f64) -> Sums {
-        let (bodies, cohesion, bounds) = (&self.bodies, &self.cohesion, &self.bounds);
+        let (bodies, cohesion) = (&self.bodies, &self.cohesion);
         let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], first: usize| {
             let mut sums = [0.0; 3];
             for (k, c) in contacts.iter_mut().enumerate() {
-                let lags = L::FRICTION && c.friction > STRONG;
-                let bound = if lags { bounds.get(first + k).copied() } else { None };
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
                 let before = c.impulse;
                 let mut start = before;
@@ -254,7 +285,7 @@ impl<const D: usize> Problem<D> {
                     start += (before - last[k]) * beta;
                     last[k] = before;
                 }
-                let change = relax::<L, D>(bodies, c, &start, cohesion, bound);
+                let change = relax::<L, D>(bodies, c, &start, cohesion);
                 let turn = if MOMENTUM { -change.dot(&(c.impulse - before)) } else { 0.0 };
                 sums = add(sums, [change.norm_squared(), c.impulse.norm_squared(), turn]);
             }
@@ -263,9 +294,10 @@ impl<const D: usize> Problem<D> {
         over_colours(&self.tiles, &mut self.contacts, &mut self.last, tile)
     }
 
-    /// Relative natural map of the present impulses and velocities. rho = 1/w_n between equals, half of the heavier
-    /// mass otherwise: with 1/w_n, near the lighter mass, a heavy lid that falls freely on light grains would look solved.
-    fn residual<L: Law>(&mut self, floor: f64) -> f64 {
+    /// Relative natural map of the present impulses and velocities, and whether a contact may close. rho = 1/w_n between equals, half
+    /// of the heavier mass otherwise: with 1/w_n, near the lighter mass, a heavy lid that falls freely on light grains
+    /// would look solved.
+    fn look<L: Law>(&mut self, stopping: &Stopping) -> Outcome {
         let (bodies, cohesion) = (&self.bodies, &self.cohesion);
         let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], first: usize| {
             let mut sums = [0.0; 3];
@@ -274,12 +306,36 @@ impl<const D: usize> Problem<D> {
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
                 let heavier = bodies.heavier(c.i as usize, c.j as usize);
                 let [error, size] = c.natural_map::<L>(&u, c.mass_n.max(0.5 * heavier), cohesion);
-                sums = add(sums, [error, size, 0.0]);
+                let closing = (u.dot(&c.normal) + c.bias).min(0.0).powi(4);
+                sums = add(sums, [error, size, closing]);
             }
             sums
         };
-        let [error, size, _] = over_tiles(&self.tiles.starts, &mut self.contacts, &mut [], &tile);
-        if error == 0.0 { 0.0 } else { (error / size.max(floor).max(f64::MIN_POSITIVE)).sqrt() }
+        let [error, size, closing] = over_tiles(&self.tiles.starts, &mut self.contacts, &mut [], &tile);
+        let size = size.max(stopping.floor).max(f64::MIN_POSITIVE);
+        // The sum of fourth powers bounds the largest.
+        let closing = if closing.sqrt().sqrt() > stopping.closing { f64::INFINITY } else { 0.0 };
+        Outcome { sweeps: 0, residual: if error == 0.0 { 0.0 } else { (error / size).sqrt() }, closing }
+    }
+
+    fn look_closely<L: Law>(&mut self, stopping: &Stopping, radius: &dyn Fn(usize) -> f64) -> Outcome {
+        Outcome { closing: self.closing::<L>(stopping, radius), ..self.look::<L>(stopping) }
+    }
+
+    /// Fastest closing of a contact beyond its gap, over what is allowed.
+    fn closing<L: Law>(&self, stopping: &Stopping, radius: &dyn Fn(usize) -> f64) -> f64 {
+        self.contacts.iter().fold(0.0, |most: f64, c| {
+            let smaller = radius(c.i as usize).min(radius(c.j as usize));
+            let speed = -(relative::<L, D>(&self.bodies, c).dot(&c.normal) + c.bias);
+            most.max(speed / (stopping.closing * smaller))
+        })
+    }
+
+    /// Takes all impulses back from the velocities.
+    pub fn take_impulses(&mut self) {
+        self.contacts.iter_mut().for_each(|c| c.impulse = -c.impulse);
+        self.apply_impulses();
+        self.contacts.iter_mut().for_each(|c| c.impulse = -c.impulse);
     }
 
     /// Adds all impulses to the velocities: the warm start, and the exact velocities at the end.
@@ -326,18 +382,16 @@ fn relative<L: Law, const D: usize>(bodies: &Bodies<D>, c: &Contact<D>) -> Vecto
     if L::SPIN { bodies.relative::<true>(i, j, &c.normal) } else { bodies.relative::<false>(i, j, &c.normal) }
 }
 
-/// Solves one contact exactly from the impulse `start`, with friction up to `bound` if that lags, moves its two bodies, and
-/// returns the change.
+/// Solves one contact exactly from the impulse `start`, moves its two bodies, and returns the change.
 #[inline(always)]
 fn relax<L: Law, const D: usize>(
     bodies: &Bodies<D>,
     c: &mut Contact<D>,
     start: &Vector<D>,
     cohesion: f64,
-    bound: Option<f64>,
 ) -> Vector<D> {
     let u = relative::<L, D>(bodies, c);
-    c.impulse = c.solve::<L>(start, &u, cohesion, bound);
+    c.impulse = c.solve::<L>(start, &u, cohesion);
     let change = c.impulse - start;
     if change.iter().any(|x| *x != 0.0) {
         let (i, j) = (c.i as usize, c.j as usize);

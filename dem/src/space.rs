@@ -29,6 +29,25 @@ pub(crate) fn turned<const D: usize>(normal: &Vector<D>) -> Vector<D> {
     t
 }
 
+/// One of the D - 1 unit tangents at a normal.
+pub(crate) fn tangent<const D: usize>(normal: &Vector<D>, which: usize) -> Vector<D> {
+    if D == 2 {
+        return turned(normal);
+    }
+    // The axis farthest from the normal, made orthogonal to it, and the product of both.
+    let axis = (0..D).fold(0, |best, a| if normal[a].abs() < normal[best].abs() { a } else { best });
+    let mut first = -normal * normal[axis];
+    first[axis] += 1.0;
+    first.normalize_mut();
+    if which == 0 {
+        return first;
+    }
+    Vector::from_fn(|a, _| {
+        let (b, c) = ((a + 1) % D, (a + 2) % D);
+        normal[b] * first[c] - normal[c] * first[b]
+    })
+}
+
 /// The unit vector along the first axis.
 pub(crate) fn first_axis<const D: usize>() -> Vector<D> {
     Vector::from_fn(|a, _| if a == 0 { 1.0 } else { 0.0 })
