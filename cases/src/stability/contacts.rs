@@ -1,10 +1,8 @@
 //! Contacts alone: heavy lids on light grains, friction, sizes far apart.
 //!
 //! A point passes when no grain penetrates another by more than a hundredth of its radius, in any step, and energy does not
-//! grow. Steps whose forces are not solved say so, which the table counts. A lid that is 1e6 times as heavy as what it lies on
-//! takes more than the default settings give: 4e4 sweeps from a cold start on a stack of 100, and a smaller tolerance.
-//! Open: poured grains of masses 1e3 times each other and more, or 10 times with a friction of 10. They need more sweeps than are
-//! allowed; those steps are reported as not solved, and the light grains give way.
+//! grow. All with the default settings of the solver. Steps whose forces are not solved say so, which the table counts: with strong
+//! friction between masses far apart they are many, but grains do not give way in them.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use crate::models::Vec2;
@@ -19,10 +17,6 @@ const DIAMETER: f64 = 1e-3;
 const STEP: f64 = 1e-3;
 /// Penetration over the radius of the smaller grain that passes.
 const PENETRATION: f64 = 1e-2;
-
-/// Of the contacts.
-const TOLERANCE: f64 = 1e-6;
-const SWEEPS: usize = 100_000;
 
 const MASSES: [f64; 7] = [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6];
 
@@ -48,7 +42,7 @@ pub const AXES: &[Axis] = &[
         labels: ["friction", "mass ratio"],
         coupled: false,
         points: |effort| match effort {
-            Effort::Quick => vec![[0.0, 1.0], [0.0, 10.0], [10.0, 1.0]],
+            Effort::Quick => vec![[0.0, 1.0], [10.0, 1.0], [10.0, 10.0], [0.0, 1e6], [0.3, 1e6]],
             Effort::Full => product(&[0.0, 0.1, 0.3, 1.0, 3.0, 10.0], &MASSES),
         },
         run: |[friction, mass], _, effort| {
@@ -109,8 +103,7 @@ fn stack(count: usize, mass: f64, steps: usize) -> Result<Sample> {
     particles.mass[count] *= mass;
     let weight = particles.mass.iter().sum::<f64>() * GRAVITY;
     let floor = Wall::new("floor", Vec2::new(-1.0, 0.0), Vec2::new(1.0, 0.0));
-    let settings = Settings { tolerance: TOLERANCE, max_sweeps: SWEEPS, ..Settings::default() };
-    let mut dem = Dem::new(particles, vec![floor], vec![material], settings)?;
+    let mut dem = Dem::new(particles, vec![floor], vec![material], Settings::default())?;
     let (mut watch, mut wrong) = (Watch::default(), 0.0f64);
     for _ in 0..steps {
         if watch.step(&mut dem) {
