@@ -290,3 +290,6 @@ fn newton<const D: usize>(at: &mut Interior<D>, factors: &dyn Factors) {
     };
     at.share = share;
 }
+
+#[cfg(test)]
+mod tests;
