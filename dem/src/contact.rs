@@ -72,9 +72,15 @@ impl<const D: usize> Contact<D> {
     }
 
     /// The impulse that solves this contact alone, for the relative velocity `u` under the impulse `p`;
-    /// `cohesion` is c (N s).
+    /// `cohesion` is c (N s); `bound` what friction may reach, mu (p_n + c) if none is given.
     #[inline(always)]
-    pub fn solve<L: Law>(&self, p: &Vector<D>, u: &Vector<D>, cohesion: f64) -> Vector<D> {
+    pub fn solve<L: Law>(
+        &self,
+        p: &Vector<D>,
+        u: &Vector<D>,
+        cohesion: f64,
+        bound: Option<f64>,
+    ) -> Vector<D> {
         let n = &self.normal;
         let (un, pn) = (u.dot(n), p.dot(n));
         let floor = if L::COHESION { -cohesion } else { 0.0 };
@@ -83,7 +89,7 @@ impl<const D: usize> Contact<D> {
             return n * qn;
         }
         let trial = (p - n * pn) - (u - n * un) * self.mass_t;
-        n * qn + cut(n, trial, self.friction * (qn - floor))
+        n * qn + cut(n, trial, bound.unwrap_or(self.friction * (qn - floor)))
     }
 
     /// The natural map r - P_K(r - rho (u + mu ||u_t|| n)) of FCLIB, an impulse: zero exactly at a solution, for any
@@ -141,7 +147,7 @@ mod tests {
         ) {
             let free = Vector::<2>::new(ux, uy);
             let mut k = contact(bias, mu);
-            k.impulse = k.solve::<Coulomb<true, true>>(&Vector::zeros(), &free, c);
+            k.impulse = k.solve::<Coulomb<true, true>>(&Vector::zeros(), &free, c, None);
             let pn = k.impulse.dot(&k.normal);
             let u = free + k.normal * (pn / k.mass_n) + (k.impulse - k.normal * pn) / k.mass_t;
             let [error, _] = k.natural_map::<Coulomb<true, true>>(&u, k.mass_n, c);

@@ -1,5 +1,6 @@
 //! The simulation: state, and one step.
 
+use crate::bodies::Bodies;
 use crate::bonds::Bonds;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
@@ -7,7 +8,7 @@ use crate::mark::Mark;
 use crate::memory::{Memory, WALL};
 use crate::scene::Scene;
 use crate::search::Search;
-use crate::solver::{Problem, Stopping};
+use crate::solver::{Grains, Problem, Stopping};
 use crate::walls::Placed;
 use crate::{Acceleration, Load, Material, Particles, Settings, StepReport, Vector, Wall};
 use serde::{Deserialize, Serialize};
@@ -243,10 +244,11 @@ impl<const D: usize> Dem<D> {
                 closing: CLOSING * self.settings.overlap_share * smallest / h,
                 interior: self.settings.interior,
             };
-            let (n, order, radii) = (self.particles.len(), &search.grid.order, &self.particles.radius);
+            let (scene, order, radii) = (self.scene(h, load), &search.grid.order, &self.particles.radius);
             let radius =
-                |slot: usize| if slot < n { radii[order[slot] as usize] / smallest } else { f64::INFINITY };
-            let outcome = problem.solve(&stopping, &radius);
+                |slot: usize| order.get(slot).map_or(f64::INFINITY, |&i| radii[i as usize] / smallest);
+            let free = |bodies: &Bodies<D>| scene.set_free(order, bodies);
+            let outcome = problem.solve(&stopping, &Grains { radius: &radius, free: &free });
             report.sweeps += outcome.sweeps;
             let holds = search.holds(&self.scene(h, load), &problem);
             if holds || attempt == ATTEMPTS {
@@ -283,14 +285,7 @@ impl<const D: usize> Dem<D> {
         let mut problem = std::mem::take(&mut self.problem);
         let scene = self.scene(h, load);
         let search = &self.search;
-        for (slot, &i) in search.grid.order.iter().enumerate() {
-            problem.bodies.set_velocity(slot, &scene.free_velocity(i as usize));
-            if let Some(rotation) = &self.particles.rotation {
-                problem
-                    .bodies
-                    .set_surface(slot, rotation.spin[i as usize] * self.particles.radius[i as usize]);
-            }
-        }
+        scene.set_free(&search.grid.order, &problem.bodies);
         problem.apply_impulses();
         for (slot, &i) in search.grid.order.iter().enumerate() {
             let i = i as usize;

@@ -42,6 +42,16 @@ impl<const D: usize> Scene<'_, D> {
         (momentum + force * self.h) * self.mobility(i)
     }
 
+    /// Sets free velocities and the spins of now, for grains in this order.
+    pub fn set_free(&self, order: &[u32], bodies: &Bodies<D>) {
+        for (slot, &i) in order.iter().enumerate() {
+            bodies.set_velocity(slot, &self.free_velocity(i as usize));
+            if let Some(rotation) = &self.particles.rotation {
+                bodies.set_surface(slot, rotation.spin[i as usize] * self.particles.radius[i as usize]);
+            }
+        }
+    }
+
     /// A, W/K.
     fn transfer(&self, i: usize) -> f64 {
         self.load.transfer.get(i).copied().unwrap_or(0.0)

@@ -30,7 +30,7 @@
 mod factors;
 mod row;
 
-use crate::solver::Problem;
+use crate::solver::{Grains, Problem};
 use crate::space::Vector;
 use factors::Factors;
 use row::{FIXED, Point, Row, Target};
@@ -211,13 +211,13 @@ impl<const D: usize> Interior<D> {
 /// passes through another.
 pub(crate) fn solve<const D: usize>(
     problem: &mut Problem<D>,
+    grains: &Grains<D>,
     held: bool,
     judge: &mut dyn FnMut(&mut Problem<D>) -> f64,
 ) {
     let warm: Vec<Vector<D>> = problem.contacts.iter().map(|c| c.impulse).collect();
     let mut best = (judge(problem), warm);
-    // Taken back from the velocities; the contacts keep them.
-    problem.take_impulses();
+    (grains.free)(&problem.bodies);
     let free = problem.bodies.state();
     if let Some(mut at) = Interior::new(problem, held) {
         let (mut values, start) = (vec![], at.mean(None, 0.0));
