@@ -164,7 +164,7 @@ impl<const B: usize> Factors for Blocks<B> {
             let mut rest = b.clone();
             self.subtract_product(x, &mut rest);
             let size = rest.iter().zip(&self.scale).fold(0.0, |most: f64, (r, s)| most.max((r * s).abs()));
-            if !(size < 0.5 * last) {
+            if size.is_nan() || size >= 0.5 * last {
                 break;
             }
             last = size;
