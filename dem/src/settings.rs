@@ -44,8 +44,8 @@ pub struct Settings<const D: usize> {
     pub overlap_share: f64,
     /// Acceleration of the sweeps.
     pub acceleration: Acceleration,
-    /// Whether contacts that `max_sweeps` do not solve are handed to an interior-point method: grains whose masses lie far apart,
-    /// strong friction.
+    /// Whether contacts must keep from closing beyond their gaps, beside the tolerance, and go to an interior-point method if `max_sweeps` do
+    /// not bring that: grains whose masses lie far apart, strong friction.
     pub interior: bool,
     /// Heat through contacts; none: grains exchange no heat among themselves.
     pub conduction: Option<Conduction>,

@@ -317,7 +317,8 @@ impl<const D: usize> Problem<D> {
         let [error, size, closing] = over_tiles(&self.tiles.starts, &mut self.contacts, &mut [], &tile);
         let size = size.max(stopping.floor).max(f64::MIN_POSITIVE);
         // The sum of fourth powers bounds the largest.
-        let closing = if closing.sqrt().sqrt() > stopping.closing { f64::INFINITY } else { 0.0 };
+        let closing =
+            if stopping.interior && closing.sqrt().sqrt() > stopping.closing { f64::INFINITY } else { 0.0 };
         Outcome { sweeps: 0, residual: if error == 0.0 { 0.0 } else { (error / size).sqrt() }, closing }
     }
 
