@@ -219,6 +219,7 @@ fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {
         gravity: scene.gravity.vector(),
         tolerance: contacts.tolerance,
         max_sweeps: contacts.max_sweeps,
+        interior: contacts.interior,
         max_travel: contacts.max_travel,
         max_substeps: contacts.max_substeps,
         conduction: contacts.conduction.map(|law| match law {

@@ -5,7 +5,7 @@
 //! 1. walls are placed; free velocities (m v + h (F + m g)) / (m + gamma h);
 //! 2. contacts that may close are found ([`Settings::max_travel`] bounds how far a grain goes);
 //! 3. impulses p with 0 <= p_n, u_n + gap/h >= 0, complementary, and |p_t| <= mu p_n (Coulomb), by Gauss-Seidel,
-//!    warm from the last sub-step, and by an interior-point method where that stalls;
+//!    warm from the last sub-step, and, on request, by an interior-point method where that stalls;
 //! 4. velocities v = free + sum of p / (m + gamma h), positions x += h v;
 //! 5. heat through the contacts that carry force.
 //!

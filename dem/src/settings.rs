@@ -44,8 +44,8 @@ pub struct Settings<const D: usize> {
     pub overlap_share: f64,
     /// Acceleration of the sweeps.
     pub acceleration: Acceleration,
-    /// Whether contacts must keep from closing beyond their gaps, beside the tolerance, and go to an interior-point method if `max_sweeps` do
-    /// not bring that: grains whose masses lie far apart, strong friction.
+    /// Whether contacts must keep from closing beyond their gaps, beside the tolerance, and go to an interior-point method if
+    /// `max_sweeps` do not bring that: grains whose masses lie far apart, strong friction.
     pub interior: bool,
     /// Heat through contacts; none: grains exchange no heat among themselves.
     pub conduction: Option<Conduction>,
@@ -66,7 +66,7 @@ impl<const D: usize> Default for Settings<D> {
             max_substeps: 100,
             overlap_share: 0.2,
             acceleration: Acceleration::default(),
-            interior: true,
+            interior: false,
             conduction: None,
             cohesion: None,
         }

@@ -108,7 +108,7 @@ fn stack(count: usize, mass: f64, steps: usize) -> Result<Sample> {
     particles.mass[count] *= mass;
     let weight = particles.mass.iter().sum::<f64>() * GRAVITY;
     let floor = Wall::new("floor", Vec2::new(-1.0, 0.0), Vec2::new(1.0, 0.0));
-    let settings = Settings { tolerance: TOLERANCE, ..Settings::default() };
+    let settings = Settings { tolerance: TOLERANCE, interior: true, ..Settings::default() };
     let mut dem = Dem::new(particles, vec![floor], vec![material], settings)?;
     let (mut watch, mut wrong) = (Watch::default(), 0.0f64);
     for _ in 0..steps {
@@ -180,7 +180,8 @@ fn pour(particles: Particles<2>, friction: f64, steps: usize) -> Result<Sample> 
         wall(corner(0.0, 0.0), corner(0.0, top)),
         wall(corner(width, 0.0), corner(width, top)),
     ];
-    let mut dem = Dem::new(particles, walls, vec![material], Settings::default())?;
+    let settings = Settings { interior: true, ..Settings::default() };
+    let mut dem = Dem::new(particles, walls, vec![material], settings)?;
     let (mut watch, start, mut bounded) = (Watch::default(), energy(&dem.particles), true);
     for _ in 0..steps {
         watch.step(&mut dem);

@@ -255,6 +255,9 @@ pub struct Contacts {
     pub tolerance: f64,
     /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
     pub max_sweeps: usize,
+    /// Whether contacts that these sweeps leave closing go to an interior-point method: for grains whose masses lie far apart and
+    /// for friction above one, up to 10,000 grains. Default false.
+    pub interior: bool,
     /// Share of its radius that a grain may cross in one sub-step. Default 0.5.
     pub max_travel: f64,
     /// Most sub-steps of a step. Default 100.
@@ -275,6 +278,7 @@ impl Default for Contacts {
         Contacts {
             tolerance: 1e-4,
             max_sweeps: 1000,
+            interior: false,
             max_travel: 0.5,
             max_substeps: 100,
             rotation: true,

@@ -51,7 +51,7 @@ pub fn deposit(region: &Region<2>, fill: &Fill<'_>, how: &Deposit) -> Result<Set
         .iter()
         .map(|m| Material { restitution: 0.0, friction: how.friction.unwrap_or(m.friction), ..m.clone() })
         .collect();
-    let settings = Settings::<2> { max_sweeps: 200, interior: false, ..Settings::default() };
+    let settings = Settings::<2> { max_sweeps: 200, ..Settings::default() };
     let gravity = settings.gravity.norm();
     let friction = materials[fill.material as usize].friction;
     let walls = container(region, &particles, friction);

@@ -54,7 +54,7 @@ struct Heap {
 
 fn collapse(count: usize, aspect: f64, seed: u64) -> Result<Heap> {
     let (grains, half, aspect) = column(count, aspect, seed)?;
-    let settings = Settings { max_sweeps: 300, tolerance: 1e-3, interior: false, ..Settings::default() };
+    let settings = Settings { max_sweeps: 300, tolerance: 1e-3, ..Settings::default() };
     let mut dem = Dem::new(grains.rotating(), vec![floor(FRICTION)], vec![material()], settings)?;
     let unit = (1.0 / G).sqrt();
     let fall = (2.0 * aspect * half / G).sqrt();

@@ -57,7 +57,7 @@ fn flow(silo: Silo, opening: f64, seed: u64) -> Result<f64> {
         wall("left floor", v(-half, 0.0), v(-edge, 0.0)),
         wall("right floor", v(edge, 0.0), v(half, 0.0)),
     ];
-    let settings = Settings { tolerance: 1e-3, max_sweeps: 200, interior: false, ..Settings::default() };
+    let settings = Settings { tolerance: 1e-3, max_sweeps: 200, ..Settings::default() };
     let mut dem = Dem::new(bed.particles.rotating(), walls, materials.to_vec(), settings)?;
     let unit = (1.0 / G).sqrt();
     let mut rng = generator(seed);
