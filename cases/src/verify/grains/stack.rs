@@ -40,8 +40,7 @@ fn forces(dem: &Dem<2>) -> Vec<f64> {
 
 /// Relative error (2-norm) of the forces after a number of sweeps from rest.
 fn error(n: usize, sweeps: usize, acceleration: Acceleration) -> Result<f64> {
-    let settings =
-        Settings { tolerance: 1e-300, max_sweeps: sweeps, acceleration, ..precise() };
+    let settings = Settings { tolerance: 1e-300, max_sweeps: sweeps, acceleration, ..precise() };
     let mut dem = stack(n, settings)?;
     dem.step(1e-3, &Load::default());
     Ok(error_of(&dem))
