@@ -60,6 +60,7 @@ fn compress(count: usize, seed: u64) -> Result<Packed> {
     let rate = 1e4;
     let drag: Vec<f64> = dem.particles.mass.iter().map(|m| rate * m).collect();
     let mut push = vec![Vec2::zeros(); count];
+    let mut kept = dem.particles.position.clone();
     for number in 0..1000 {
         for (push, (x, drag)) in push.iter_mut().zip(dem.particles.position.iter().zip(&drag)) {
             *push = -x * *drag;
@@ -72,8 +73,15 @@ fn compress(count: usize, seed: u64) -> Result<Packed> {
         // No disc moves by more than a tenth of a unit; once all rest, steps of half a unit of time.
         let dt = (0.1 / speed(&dem)).clamp(0.01, 0.5);
         let report = dem.step(dt, &Load { force: &push, drag: &drag, ..Load::default() });
-        if number > 100 && report.converged && speed(&dem) < 1e-4 {
-            return Ok(measure(&dem));
+        // At rest: after twenty steps each disc is where it was. Speeds do not tell: a few discs may swing by 2e-4 about their
+        // places for ever, in steps of any length.
+        if number > 100 && number % 20 == 0 {
+            let pairs = dem.particles.position.iter().zip(&kept);
+            let moved = pairs.fold(0.0, |most: f64, (x, old)| most.max((x - old).norm()));
+            if report.converged && moved < 1e-4 {
+                return Ok(measure(&dem));
+            }
+            kept.clone_from(&dem.particles.position);
         }
     }
     Err(Error::Run(format!("packing {seed} of {count} discs does not come to rest")))
