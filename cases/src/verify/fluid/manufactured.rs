@@ -194,6 +194,8 @@ impl Run {
         mesh.points.iter_mut().for_each(|x| *x -= Vec2::new(1.0, 1.0));
         let mut set = FluidSet::new(self.fluid.density, self.fluid.viscosity);
         set.numerics.newton = 2;
+        // In long steps what is left of the equations is amplified by up to the number of nodes.
+        set.numerics.heat.tolerance = 1e-14;
         let scalar = Scalar {
             capacity: self.fluid.density * self.fluid.capacity,
             conductivity: self.fluid.conductivity,
