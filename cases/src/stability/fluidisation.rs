@@ -76,7 +76,7 @@ fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sam
             return Ok(Sample { curves, ..Sample::new(Verdict::Unstable, f64::NAN, 1.0, tally) });
         };
         if let (Some(grains), true) = (&system.grains, inflow < 1.0) {
-            expected = bed.law(&grains.particles, &lying.material, speed, (dt, steps))?.min(lying.weight);
+            [_, expected] = bed.law(&grains.particles, &lying.material, speed, (dt, steps))?;
             if (drop / expected - 1.0).abs() > (worst - 1.0).abs() {
                 worst = drop / expected;
             }
