@@ -12,6 +12,7 @@ use crate::models::Vec2;
 use crate::verify::Effort;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Error, Result};
+use voidage_dem::Particles;
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
 
 /// Inflows over the fluidisation velocity on the way up; the way down is the same.
@@ -72,11 +73,11 @@ fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sam
         let speed = inflow * lying.fluidisation;
         let steps = if inflow > 1.0 { 2 * steps } else { steps };
         let held = hold(bed, &lying, &mut system, speed, (dt, steps), inflow > 1.0, &mut tally);
-        let Ok([drop, mut expected]) = held else {
+        let Ok(([drop, mut expected], before)) = held else {
             return Ok(Sample { curves, ..Sample::new(Verdict::Unstable, f64::NAN, 1.0, tally) });
         };
-        if let (Some(grains), true) = (&system.grains, inflow < 1.0) {
-            [_, expected] = bed.law(&grains.particles, &lying.material, speed, (dt, steps))?;
+        if inflow < 1.0 {
+            [_, expected] = bed.law(&before, &lying.material, speed, (dt, steps))?;
             if (drop / expected - 1.0).abs() > (worst - 1.0).abs() {
                 worst = drop / expected;
             }
@@ -89,7 +90,7 @@ fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sam
 }
 
 /// Steps at an inflow; the pressure drop of the last, or its mean over the second half, and what it must be meanwhile where nothing
-/// rests on the floor ([`Bed::balance`]), Pa.
+/// rests on the floor ([`Bed::balance`]), Pa; and the grains before the last step, where the fluid saw them.
 fn hold(
     bed: &Bed,
     lying: &Lying,
@@ -98,19 +99,23 @@ fn hold(
     (dt, steps): (f64, usize),
     mean: bool,
     tally: &mut Tally,
-) -> Result<[f64; 2]> {
+) -> Result<([f64; 2], Particles<2>)> {
     if let Some(fluid) = &mut system.fluid {
         for condition in fluid.conditions.iter_mut().filter(|condition| condition.boundary == "bottom") {
             condition.flow = FlowCondition::SuperficialVelocity(Prescribed::Uniform(Vec2::new(0.0, speed)));
         }
     }
     let (mut sum, mut count, mut start) = (0.0, 0, 0.0);
+    let mut before = Particles::default();
     for step in 1..=steps {
         if step == steps || (mean && step > steps / 2) {
             if count == 0 {
                 start = upward(system);
             }
             count += 1;
+        }
+        if let (Some(grains), true) = (&system.grains, step == steps) {
+            before = grains.particles.clone();
         }
         tally.add(&system.step(dt)?);
         let fastest = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
@@ -123,5 +128,5 @@ fn hold(
         }
     }
     let count = f64::from(count);
-    Ok(bed.balance(lying, sum / count, (upward(system) - start) / (count * dt)))
+    Ok((bed.balance(lying, sum / count, (upward(system) - start) / (count * dt)), before))
 }

@@ -142,9 +142,9 @@ fn mankoc(points: &[(f64, f64)]) -> [f64; 2] {
     candidates.min_by(|a, b| misfit(*a).total_cmp(&misfit(*b))).unwrap_or([f64::NAN; 2])
 }
 
-/// Beverloo's (W - k d)^1.5 is that of wide openings, for k grows with W: read with k free, silos of 8 to 36 d have exponents around
-/// 1.77, as have those of Mankoc's law. Grains leave faster than experiments have it, where the mean speed grows as W^0.5: here as
-/// W^0.7, because no front and rear wall brakes them (Shah et al. 2021, arXiv:2103.09144, measure both).
+/// Beverloo's (W - k d)^1.5 is the limit of wide openings: k grows with W, so that with k free the exponent of such openings is above
+/// 1.5, also that of Mankoc's law. The mean speed in the opening is not in proportion to W^0.5, as it is in the experiments: no
+/// front and rear wall brakes the grains (arXiv:2103.09144 measures that without such walls the exponent is higher).
 fn run(effort: Effort) -> Result<Outcome> {
     let silo = effort.pick(
         Silo { wide: 2.0, margin: 14.0, slender: 1.0, step: 0.05, grains: 1000 },
