@@ -1,10 +1,11 @@
 //! The fluidisation curve: the inflow goes up through fluidisation and down again, and the pressure drop must be the smaller of
 //! drag law and weight whatever the step.
 //!
-//! The drag law is that of the same grains held fast where they are, on the same mesh. Below fluidisation the drop is that of
-//! the last step, and is judged. Above it, it is the mean over the second half of the time at that inflow, and is drawn beside the
-//! weight and what the momentum of the bed grows by: single grains that rest on the floor, where the bed is loose, are missing
-//! from it. The axes of [`super::bed`] judge higher beds there, for which these do not count.
+//! The drag law is that of the same grains held fast where they are, on the same mesh. Below fluidisation the drop is the mean
+//! over the last fifth of the steps, in which what is carried from step to step evens out, and is judged. Above it, it is the mean
+//! over the second half, and is drawn beside the weight and what the momentum of the bed grows by: single grains that rest on the
+//! floor, where the bed is loose, are missing from it. The axes of [`super::bed`] judge higher beds there, for which these do not
+//! count.
 
 use super::axis::{Axis, Sample, Tally, Verdict};
 use super::bed::{Bed, GAS, LIQUID, Lying, pushed, upward};
@@ -71,8 +72,8 @@ fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sam
     let (mut tally, mut worst, mut curves) = (Tally::default(), 1.0f64, vec![]);
     for (k, &inflow) in up.iter().chain(down).enumerate() {
         let speed = inflow * lying.fluidisation;
-        let steps = if inflow > 1.0 { 2 * steps } else { steps };
-        let held = hold(bed, &lying, &mut system, speed, (dt, steps), inflow > 1.0, &mut tally);
+        let (steps, share) = if inflow > 1.0 { (2 * steps, 2) } else { (steps, 5) };
+        let held = hold(bed, &lying, &mut system, speed, (dt, steps), share, &mut tally);
         let Ok(([drop, mut expected], before)) = held else {
             return Ok(Sample { curves, ..Sample::new(Verdict::Unstable, f64::NAN, 1.0, tally) });
         };
@@ -89,7 +90,7 @@ fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sam
     Ok(Sample { curves, ..Sample::judge(worst.abs() < 1e3, worst, 1.0, ALLOWED, tally) })
 }
 
-/// Steps at an inflow; the pressure drop of the last, or its mean over the second half, and what it must be meanwhile where nothing
+/// Steps at an inflow; the mean pressure drop over the last half, third, .. of them, and what it must be meanwhile where nothing
 /// rests on the floor ([`Bed::balance`]), Pa; and the grains before the last step, where the fluid saw them.
 fn hold(
     bed: &Bed,
@@ -97,7 +98,7 @@ fn hold(
     system: &mut Coupled<2>,
     speed: f64,
     (dt, steps): (f64, usize),
-    mean: bool,
+    share: usize,
     tally: &mut Tally,
 ) -> Result<([f64; 2], Particles<2>)> {
     if let Some(fluid) = &mut system.fluid {
@@ -108,7 +109,7 @@ fn hold(
     let (mut sum, mut count, mut start) = (0.0, 0, 0.0);
     let mut before = Particles::default();
     for step in 1..=steps {
-        if step == steps || (mean && step > steps / 2) {
+        if step > steps - steps / share {
             if count == 0 {
                 start = upward(system);
             }
