@@ -89,6 +89,10 @@ const SETTLING: usize = 300;
 /// step over the relaxation time.
 const REFINED: usize = 3;
 const LONG: f64 = 10.0;
+/// How far a bed above fluidisation may have risen at the end, in diameters, and the fewest steps. One that rises further breaks up:
+/// a slug, grains that rain from it, and what it has left behind.
+const LIFTED: f64 = 0.5;
+const FEWEST: f64 = 5.0;
 /// Width of the box, room above the bed, and side of the squares of the mesh, in diameters.
 const WIDTH: usize = 14;
 const ROOM: usize = 19;
@@ -312,8 +316,13 @@ impl Bed {
         let fall = self.gravity() * relaxation * step.min(1.0) * relaxation * step;
         let tolerance = (1e-3 * self.diameter / fall).clamp(1e-12, TOLERANCE);
         let mut free = self.system((&lying.particles, &lying.material), speed, scheme, (false, tolerance))?;
-        let least = if step < 10.0 || ratio > 1.0 { 40.0 } else { 16.0 };
-        let steps = (5.0 / step).ceil().clamp(least, 5000.0) as usize;
+        let least = if step < 10.0 { 40.0 } else { 16.0 };
+        let mut steps = (5.0 / step).ceil().clamp(least, 5000.0);
+        if ratio > 1.0 {
+            let rise = (speed - lying.fluidisation) * step * relaxation;
+            steps = steps.min((LIFTED * self.diameter / rise).ceil().max(FEWEST));
+        }
+        let steps = steps as usize;
         let lost = Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default());
         // To even out the speeds that contacts solved to a tolerance leave, which short steps show as noise, and what is carried from
         // step to step.
@@ -322,8 +331,8 @@ impl Bed {
         // With the same step, on which the pressure stabilisation depends where drag acts more slowly than it.
         let [law, rising] = self.law(&end.before, &lying.material, speed, (step * relaxation, steps))?;
         let [drop, moving] = self.balance(&lying, end.push, end.gain);
-        // A bed in motion takes its weight and what its momentum grows by, whatever the law for grains at rest.
-        let measured = drop / if ratio > 1.0 { moving } else { rising };
+        // A bed in motion takes also what its momentum grows by.
+        let measured = drop / (rising + moving - lying.weight);
         let sample = Sample::judge(measured.abs() < 1e3, measured, 1.0, ALLOWED, end.tally);
         let curves = vec![
             ("pressure drop / weight", 0.0, drop / lying.weight),
