@@ -79,6 +79,14 @@ impl Tally {
         self.unsolved += usize::from(!solved);
     }
 
+    /// Counts the steps of another run too.
+    pub fn join(&mut self, other: &Self) {
+        self.steps += other.steps;
+        self.solves += other.solves;
+        self.sweeps += other.sweeps;
+        self.unsolved += other.unsolved;
+    }
+
     /// One of the counts per step.
     pub fn per_step(&self, count: usize) -> f64 {
         count as f64 / self.steps as f64

@@ -31,13 +31,17 @@ from .solver import (
 
 FIELDS = {"still": (1e3, 5), "sliding": (1e3, 5), "moving": (0.1, 8)}
 """Time step and steps of each set of fields. Where the voidage is still they are long, and the last
-is steady; in one that moves, flow and heat stand, and what is off is off in space."""
+is steady; in one that moves, flow and heat stand, and what is off is off in space. In a fourth set,
+``unsteady``, they change too."""
+
+PHASES = {"u": 1.2, "p": 1.8, "T": 1.5}
+"""Of the factors 1 + sin(3 t - phase)/2 of the unsteady fields."""
 
 
 def voidage(x, name: str, t: float):
     """Voidage at points, (.., 2), and its gradient, (2, ..)."""
     pi = np.pi
-    if name == "moving":
+    if name in ("moving", "unsteady"):
         across, up = pi * x[..., 0] - 2 * t, pi * x[..., 1] + 0.5
         slope = np.cos(across) * np.cos(up), -np.sin(across) * np.sin(up)
         return 0.5 + np.sin(across) * np.cos(up) / 4, pi / 4 * np.stack(slope)
@@ -49,7 +53,7 @@ def voidage(x, name: str, t: float):
     return 0.5 + sx * sy / 4, slope / 4
 
 
-def exact(x, name: str):
+def exact(x, name: str, t: float = 0.0):
     """Velocity, pressure and temperature with their gradients at points, (.., 2): components."""
     pi = np.pi
     (sx, sy), (cx, cy) = (f(pi * np.moveaxis(x, -1, 0)) for f in (np.sin, np.cos))
@@ -64,7 +68,12 @@ def exact(x, name: str):
         (-2 * sx**2 * cy * sy, (-4 * pi * sx * cx * cy * sy, -2 * pi * sx**2 * (cy**2 - sy**2))),
         (2 * cx * sx * sy**2, (2 * pi * (cx**2 - sx**2) * sy**2, 4 * pi * cx * sx * sy * cy)),
     ]
-    return u, [(sx * sy, (pi * cx * sy, pi * sx * cy))], T
+    fields = {"u": u, "p": [(sx * sy, (pi * cx * sy, pi * sx * cy))], "T": T}
+    if name == "unsteady":
+        for key, phase in PHASES.items():
+            rate = 1 + np.sin(3 * t - phase) / 2
+            fields[key] = [(rate * z, tuple(rate * part for part in dz)) for z, dz in fields[key]]
+    return fields["u"], fields["p"], fields["T"]
 
 
 def manufactured(points, name: str, t: float):
@@ -74,7 +83,7 @@ def manufactured(points, name: str, t: float):
     Where div u = 0: div(eps (grad u + grad u^T)) = eps lap u + (grad u + grad u^T) grad eps.
     """
     pi = np.pi
-    components, [(p, grad_p)], [(T, grad_T)] = exact(points, name)
+    components, [(p, grad_p)], [(T, grad_T)] = exact(points, name, t)
     u = np.stack([value for value, _ in components])
     grad_u = np.array([slope for _, slope in components])
     eps, slope = voidage(points, name, t)
@@ -85,9 +94,15 @@ def manufactured(points, name: str, t: float):
             f(k * pi * points.T) for f, k in ((np.sin, 1), (np.sin, 2), (np.cos, 2))
         )
         laplace = 2 * pi**2 * np.stack((s2y * (2 * sx**2 - c2x), s2x * (c2y - 2 * sy**2)))
-    force = eps * np.einsum("ijn,jn->in", grad_u, u) + grad_p - eps * laplace
+    growth = dict.fromkeys(PHASES, 0.0)
+    if name == "unsteady":
+        laplace *= 1 + np.sin(3 * t - PHASES["u"]) / 2
+        for key, phase in PHASES.items():
+            growth[key] = 1.5 * np.cos(3 * t - phase) / (1 + np.sin(3 * t - phase) / 2)
+    force = eps * (np.einsum("ijn,jn->in", grad_u, u) + growth["u"] * u - laplace) + grad_p
     force -= np.einsum("ijn,jn->in", grad_u + grad_u.swapaxes(0, 1), slope)
-    heat = eps * np.sum(u * grad_T, axis=0) - np.sum(slope * grad_T, axis=0) + 2 * pi**2 * eps * T
+    heat = eps * (np.sum(u * grad_T, axis=0) + (growth["T"] + 2 * pi**2) * T)
+    heat -= np.sum(slope * grad_T, axis=0)
     return eps, Fields(u.T, p, T), Sources(force.T, np.sum(slope * u, axis=0), heat)
 
 
@@ -138,10 +153,13 @@ def off(points, cells, fields: Fields, fields_of: str = "still") -> dict[str, fl
     return found
 
 
-def solve(solver: Solver, n: int, name: str = "still") -> tuple[Fields, dict[str, float]]:
-    """The fields of the last step, each of two Newton steps, and seconds by phase."""
+def solve(
+    solver: Solver, n: int, name: str = "still", steps: tuple[float, int] | None = None
+) -> tuple[Fields, dict[str, float]]:
+    """The fields of the last of time steps (their length and number, or those of ``FIELDS``), each of
+    two Newton steps, and seconds by phase."""
     points, cells, boundaries = squares(n)
-    dt, steps = FIELDS[name]
+    dt, count = steps or FIELDS[name]
     eps, start, _ = manufactured(points, name, 0.0)
     problem = Problem(
         points,
@@ -155,15 +173,13 @@ def solve(solver: Solver, n: int, name: str = "still") -> tuple[Fields, dict[str
         newton=2,
         tolerance=1e-12,
     )
-    conditions = [
-        Condition(name, Velocity(start.velocity), Temperature(start.temperature))
-        for name in boundaries
-    ]
     begun, cpu = perf_counter(), process_time()
     solver.set_mesh(problem)
     spent = {"mesh": perf_counter() - begun, "flow": 0.0, "energy": 0.0}
-    for step in range(steps):
-        eps, _, sources = manufactured(points, name, (step + 1) * dt)
+    for step in range(count):
+        eps, known, sources = manufactured(points, name, (step + 1) * dt)
+        held = Velocity(known.velocity), Temperature(known.temperature)
+        conditions = [Condition(side, *held) for side in boundaries]
         report: Report = solver.solve(Step(dt, conditions, eps, sources=sources))[1]
         solver.accept()
         spent["flow"] += report.flow_s
