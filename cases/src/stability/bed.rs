@@ -331,7 +331,8 @@ impl Bed {
         // With the same step, on which the pressure stabilisation depends where drag acts more slowly than it.
         let [law, rising] = self.law(&end.before, &lying.material, speed, (step * relaxation, steps))?;
         let [drop, moving] = self.balance(&lying, end.push, end.gain);
-        // A bed in motion takes also what its momentum grows by.
+        // A bed in motion takes also what its momentum grows by: where nothing touches the floor this is the balance of momentum, which
+        // holds for any scheme, and tells only that the bed is lifted.
         let measured = drop / (rising + moving - lying.weight);
         let sample = Sample::judge(measured.abs() < 1e3, measured, 1.0, ALLOWED, end.tally);
         let curves = vec![

@@ -143,8 +143,8 @@ fn mankoc(points: &[(f64, f64)]) -> [f64; 2] {
 }
 
 /// Beverloo's (W - k d)^1.5 is the limit of wide openings: k grows with W, so that with k free the exponent of such openings is above
-/// 1.5, also that of Mankoc's law. The mean speed in the opening is not in proportion to W^0.5, as it is in the experiments: no
-/// front and rear wall brakes the grains (arXiv:2103.09144 measures that without such walls the exponent is higher).
+/// 1.5, also that of Mankoc's law. Over five seeds it must still be 1.5; one seed, with a scatter of 0.12, is held against the law
+/// fitted to the same silos, which tells little more than the fit itself.
 fn run(effort: Effort) -> Result<Outcome> {
     let silo = effort.pick(
         Silo { wide: 2.0, margin: 14.0, slender: 1.0, step: 0.05, grains: 1000 },
@@ -177,7 +177,7 @@ fn run(effort: Effort) -> Result<Outcome> {
         ],
         ..Panel::log_log("Flow out of a silo", "opening W / d", "discs per \u{221a}(d/g)")
     };
-    let name = format!("exponent of (W - k d) with k free, that of the law; scatter {scatter:.3}");
+    let name = format!("exponent of (W - k d) with k free, scatter {scatter:.3}");
     Ok(Outcome {
         findings: vec![
             Finding::at_most(
@@ -186,7 +186,7 @@ fn run(effort: Effort) -> Result<Outcome> {
                 effort.pick(0.1, 0.05),
                 worst,
             ),
-            Finding::absolute(name, "1", expected, power, 0.15),
+            Finding::absolute(name, "1", effort.pick(expected, 1.5), power, 0.15),
         ],
         panels: vec![panel],
     })
