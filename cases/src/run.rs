@@ -107,7 +107,8 @@ pub fn start_threads(asked: Option<usize>) -> Result<usize> {
     if asked == Some(0) {
         return Err(Error::Input("--threads 0: there must be a thread\n  help: give 1 or more".into()));
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(asked.unwrap_or(0));
+    // With the calling thread as one of them: else it hands every parallel loop over to another thread and sleeps.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(asked.unwrap_or(0)).use_current_thread();
     pool.build_global().map_err(|error| Error::Run(format!("cannot start threads: {error}")))?;
     Ok(rayon::current_num_threads())
 }

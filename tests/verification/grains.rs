@@ -56,6 +56,19 @@ fn warm_starts_need_no_sweeps_at_rest() {
     assert_eq!((report.sweeps, report.converged), (0, true));
 }
 
+/// Sub-steps were not enough to hold the free fall of such a step down, so that the search made everyone a contact of everyone
+/// else; a bed of 126 grains then did not converge, and a grain flew out of its box.
+#[test]
+fn grains_at_rest_look_at_their_neighbours_only_in_any_step() {
+    let mut dem = stack(8, Settings::default());
+    let drag: Vec<f64> = dem.particles.mass.iter().map(|m| 100.0 * m).collect();
+    for _ in 0..3 {
+        let report = dem.step(1e6, &Load { drag: &drag, ..Load::default() });
+        assert_eq!((report.candidates, report.converged), (8, true));
+        assert!(report.max_penetration_over_radius < 1e-2);
+    }
+}
+
 /// Momentum and, with restitution e, the relative velocity of an oblique impact follow Newton's law exactly:
 /// v_n' = -e v_n, the centre of mass undisturbed.
 #[test]

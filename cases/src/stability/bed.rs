@@ -12,6 +12,7 @@ use super::axis::{Axis, Sample, Tally, Verdict, product};
 use crate::models::{FluidSet, Vec2, grid};
 use crate::verify::Effort;
 use std::collections::VecDeque;
+use tracing::warn;
 use voidage_coupling::closure::{Surroundings, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Error, Result};
@@ -323,11 +324,16 @@ impl Bed {
             steps = steps.min((LIFTED * self.diameter / rise).ceil().max(FEWEST));
         }
         let steps = steps as usize;
-        let lost = Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default());
         // To even out the speeds that contacts solved to a tolerance leave, which short steps show as noise, and what is carried from
         // step to step.
         let window = steps / 5;
-        let Ok(end) = self.last(&mut free, step * relaxation, (steps, window)) else { return Ok(lost) };
+        let end = match self.last(&mut free, step * relaxation, (steps, window)) {
+            Ok(end) => end,
+            Err(error) => {
+                warn!("inflow {ratio} of fluidisation, step {step:e} of relaxation, {scheme}: {error}");
+                return Ok(Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default()));
+            }
+        };
         // With the same step, on which the pressure stabilisation depends where drag acts more slowly than it.
         let [law, rising] = self.law(&end.before, &lying.material, speed, (step * relaxation, steps))?;
         let [drop, moving] = self.balance(&lying, end.push, end.gain);
