@@ -60,7 +60,7 @@ fn warm_starts_need_no_sweeps_at_rest() {
 /// else; a bed of 126 grains then did not converge, and a grain flew out of its box.
 #[test]
 fn grains_at_rest_look_at_their_neighbours_only_in_any_step() {
-    let mut dem = stack(8, Settings::default());
+    let mut dem = stack(8, precise());
     let drag: Vec<f64> = dem.particles.mass.iter().map(|m| 100.0 * m).collect();
     for _ in 0..3 {
         let report = dem.step(1e6, &Load { drag: &drag, ..Load::default() });
