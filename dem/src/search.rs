@@ -53,7 +53,8 @@ impl<const D: usize> Search<D> {
         problem: &mut Problem<D>,
     ) {
         let p = scene.particles;
-        let starts = p.velocity.iter().copied().chain((0..p.len()).map(|i| expected(scene, i)));
+        let free = (0..p.len()).map(|i| expected(scene, i, scene.free_velocity(i)));
+        let starts = p.velocity.iter().copied().chain(free);
         let walls = scene.placed.iter().flat_map(|w| w.velocity);
         let fastest = diagonal(starts.chain(walls).chain(after.iter().copied()));
         let large = p.radius.iter().fold(0.0, |a: f64, &r| a.max(r));
@@ -61,7 +62,7 @@ impl<const D: usize> Search<D> {
         let reach = (fastest * scene.h).max(0.1 * large);
         self.grid.build(&p.position, &p.radius, reach + SKIN * 2.0 * large);
         self.fill_bodies(scene, &mut problem.bodies);
-        self.gather_velocities(scene, after);
+        self.gather_velocities(scene, after, &problem.bodies);
         self.place_walls(scene, large);
         self.find_pairs(scene, problem);
         self.fill_contacts(scene, memory, problem);
@@ -83,14 +84,14 @@ impl<const D: usize> Search<D> {
         }
     }
 
-    fn gather_velocities(&mut self, scene: &Scene<D>, after: &[Vector<D>]) {
+    fn gather_velocities(&mut self, scene: &Scene<D>, after: &[Vector<D>], bodies: &Bodies<D>) {
         let p = scene.particles;
         self.spread.clear(self.grid.coarse_count());
-        for &i in &self.grid.order {
+        for (slot, &i) in self.grid.order.iter().enumerate() {
             let i = i as usize;
             let cell = self.grid.coarse_of(&p.position[i]);
             self.spread.add(cell, &p.velocity[i]);
-            self.spread.add(cell, &expected(scene, i));
+            self.spread.add(cell, &expected(scene, i, bodies.velocity(slot)));
             if let Some(v) = after.get(i) {
                 self.spread.add(cell, v);
             }
@@ -298,12 +299,10 @@ impl<const D: usize> Search<D> {
     }
 }
 
-/// Velocity of grain i without contacts, no faster than sub-steps want it. Where there were not enough of them, everyone would have a
-/// contact with everyone else on its way; in a bed at rest nobody goes it, and who does is found out afterwards.
-fn expected<const D: usize>(scene: &Scene<D>, i: usize) -> Vector<D> {
-    let free = scene.free_velocity(i);
-    let most = scene.settings.max_travel * scene.particles.radius[i] / scene.h;
-    if free.norm() > most { free.cap_magnitude(most) } else { free }
+/// The free velocity of grain i, no faster than sub-steps want it. Where there were not enough of them, everyone would have a contact
+/// with everyone else on its way; in a bed at rest nobody goes it, and who does is found out afterwards.
+fn expected<const D: usize>(scene: &Scene<D>, i: usize, free: Vector<D>) -> Vector<D> {
+    free.cap_magnitude(scene.settings.max_travel * scene.particles.radius[i] / scene.h)
 }
 
 /// Walls whose gap to grain i is within range, each corner once.
