@@ -52,8 +52,8 @@ def test_errors_equal_those_of_the_rust_solver_and_fall_at_their_orders(
 def test_shorter_time_steps_change_fields_as_in_the_rust_solver_and_at_order_one(
     solver, of_the_program
 ):
-    counts = (10, 20, 40)
-    ends = [solve(solver, 48, "unsteady", (1 / count, count))[0] for count in counts]
+    counts = (20, 40, 80)
+    ends = [solve(solver, 64, "unsteady", (1 / count, count))[0] for count in counts]
     for name, field in (("u", "velocity"), ("p", "pressure"), ("T", "temperature")):
         values = [getattr(end, field).reshape(len(end.pressure), -1) for end in ends]
         apart = [
@@ -62,8 +62,7 @@ def test_shorter_time_steps_change_fields_as_in_the_rust_solver_and_at_order_one
         ]
         known = [of_the_program["unsteady, one mesh", name, 2 * count] for count in counts[:2]]
         assert apart == pytest.approx(known, rel=1e-8), name
-        # Of the temperature 0.94 here and, in the full form of the Rust program, 0.97.
-        assert np.log2(apart[0] / apart[1]) > 0.9, name
+        assert np.log2(apart[0] / apart[1]) > 0.95, name
 
 
 def test_the_command_line_gives_relative_errors_and_times(capsys):

@@ -39,6 +39,18 @@ fn the_other_schemes_fail_where_theory_says() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
+/// What was carried was given back at once, and a bed that water lifts off its floor bounced higher from step to step.
+#[test]
+fn anchored_lifts_a_bed_in_water() {
+    let all = axes();
+    let axis = all.iter().find(|axis| axis.name == "fluidisation-liquid").expect("an axis");
+    let [density, _] = (axis.points)(Effort::Quick)[0];
+    for step in [1.0, 10.0] {
+        let sample = sample(axis, [density, step], SchemeName::Anchored, Effort::Quick);
+        assert_eq!(sample.verdict, Verdict::Passes, "step {step}: {sample:?}");
+    }
+}
+
 /// A small bed that falls a little and is blown through.
 fn bed() -> Simulation {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases/bed.toml");
