@@ -36,6 +36,11 @@
 //! `henry-free`), a grain held in all directions by a chain of contacts that reaches a wall gets theta = 0 in both. No
 //! tensor is needed.
 //!
+//! Who is held is known only where f is close to f_k. A bed on its floor that f will lift is held in the trial under f_k all the same,
+//! and theta_c = 0 then gives the -(X + Y) of free grains: it jumps, the push that stopped it is too small, it is held by the next
+//! trial, and jumps higher. So a grain counts as held only while little is carried of it, that is, while it moved in the last step as
+//! it had in the trial before.
+//!
 //! **Momentum.** The grains move with implicit drag, so that a contact that opens leaves no wrong velocity; they get
 //! f - gamma v where the fluid expected f - gamma v*. The difference gamma (v* - v) dt is carried, and each step gives the share
 //! eta of what is carried to the fluid, so nothing is lost over time. The solid flux does not contain it. With theta_m = 0 shear then
@@ -51,10 +56,9 @@
 //!     ((1 + X) z - X (1 - tau)) (z - 1 + eta) = -Y tau ((1 + eta) z - 1)
 //! ```
 //!
-//! With eta = 1 the fluid sees w extrapolated, R(2 f_k - f_(k-1)). All roots are within the unit circle as long as tau stays what it is,
-//! but one of compression comes to -1 where tau = 1, B is large and eps = 1/2 ((2 eps - 1)^2/eps^2 is what is left). A bed that is lifted
-//! off its floor and falls back, so that tau alternates, leaves the circle: it bounced higher from step to step in water with steps
-//! of one and ten relaxation times. With eta = 1/2 the condition at z = -1 is 3 (1 + X) + 3 X (1 - tau) > 5 Y tau, which
+//! With eta = 1 the fluid sees w extrapolated, R(2 f_k - f_(k-1)). All roots are within the unit circle, but one of compression
+//! comes to -1 where tau = 1, B is large and eps = 1/2 ((2 eps - 1)^2/eps^2 is what is left), and a bed that leaves its floor and returns, so that
+//! tau alternates, never settles. With eta = 1/2 the condition at z = -1 is 3 (1 + X) + 3 X (1 - tau) > 5 Y tau, which
 //! holds with room to spare because Y is below eps X and (1 - eps)/eps; those at z = 1 and of the product of the roots always do.
 //!
 //! **Heat.** The same with temperatures: f becomes hA T, the response is that of the grains conducting through their
@@ -96,6 +100,9 @@ pub struct Anchor {
 
 /// theta_c of a held grain. Not zero: in an element full of grain the mobility is what couples the pressures of its nodes.
 const HELD: f64 = 1e-3;
+
+/// What may be carried of a grain, over the push times dt, for its contacts to count as holding it.
+const CALM: f64 = 1e-2;
 
 /// eta: the share of what is carried that the fluid gets in a step.
 const RETURNED: f64 = 0.5;
@@ -150,7 +157,9 @@ impl Anchor {
         for i in 0..particles.len() {
             let drag = load.drag[i];
             let free = if particles.held(i) { 0.0 } else { slope(particles.mass[i], drag, dt, substeps) };
-            let [momentum, mass] = shares::<D>(self.bonds.of(i), cautious).map(|share| share * free);
+            let agreed = carried.impulse[i].norm() <= CALM * push.force[i].norm() * dt;
+            let [momentum, mass] =
+                shares::<D>(self.bonds.of(i), cautious || !agreed).map(|share| share * free);
             let around = |mobility: f64| (mobility, response[i] - push.force[i] * mobility);
             (flux.mobility[i], flux.velocity[i]) = around(mass);
             (load.mobility[i], load.velocity[i]) = around(momentum);
