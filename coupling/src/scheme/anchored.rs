@@ -38,8 +38,8 @@
 //!
 //! Who is held is known only where f is close to f_k. A bed on its floor that f will lift is held in the trial under f_k all the same,
 //! and theta_c = 0 then gives the -(X + Y) of free grains: it jumps, the push that stopped it is too small, it is held by the next
-//! trial, and jumps higher. So a grain counts as held only while little is carried of it, that is, while it moved in the last step as
-//! it had in the trial before.
+//! trial, and jumps higher. So a grain counts as held only while little is carried of it beside gamma T_0 f dt, that is, while it moved in
+//! the last step as it had in the trial before.
 //!
 //! **Momentum.** The grains move with implicit drag, so that a contact that opens leaves no wrong velocity; they get
 //! f - gamma v where the fluid expected f - gamma v*. The difference gamma (v* - v) dt is carried, and each step gives the share
@@ -101,7 +101,7 @@ pub struct Anchor {
 /// theta_c of a held grain. Not zero: in an element full of grain the mobility is what couples the pressures of its nodes.
 const HELD: f64 = 1e-3;
 
-/// What may be carried of a grain, over the push times dt, for its contacts to count as holding it.
+/// How far a grain may have moved beside its trial, over what the push would move it freely, for its contacts to count as holding it.
 const CALM: f64 = 1e-2;
 
 /// eta: the share of what is carried that the fluid gets in a step.
@@ -157,7 +157,7 @@ impl Anchor {
         for i in 0..particles.len() {
             let drag = load.drag[i];
             let free = if particles.held(i) { 0.0 } else { slope(particles.mass[i], drag, dt, substeps) };
-            let agreed = carried.impulse[i].norm() <= CALM * push.force[i].norm() * dt;
+            let agreed = carried.impulse[i].norm() <= CALM * free * drag * push.force[i].norm() * dt;
             let [momentum, mass] =
                 shares::<D>(self.bonds.of(i), cautious || !agreed).map(|share| share * free);
             let around = |mobility: f64| (mobility, response[i] - push.force[i] * mobility);
