@@ -161,11 +161,8 @@ fn panel(axis: &Axis, scheme: SchemeName, rows: &[Row]) -> Panel {
         let here = rows.iter().filter(|row| row.axis == axis.name && row.scheme == scheme);
         here.filter(|row| verdicts.contains(&row.verdict)).map(|row| (row.x, row.y)).collect::<Vec<_>>()
     };
-    // The legend names what is there; colours stay the same.
-    let points = |name: &str, verdicts: &[Verdict]| {
-        let points = of(verdicts);
-        Curve::points(if points.is_empty() { "" } else { name }, points)
-    };
+    // Named even where there are none, so that each keeps its colour.
+    let points = |name: &str, verdicts: &[Verdict]| Curve::points(name, of(verdicts));
     let title = if axis.coupled { scheme.to_string() } else { axis.name.into() };
     let mut panel = Panel::log_log(title, axis.labels[0], axis.labels[1]);
     // An axis that starts at zero is linear.
