@@ -58,8 +58,9 @@
 //!
 //! With eta = 1 the fluid sees w extrapolated, R(2 f_k - f_(k-1)). All roots are within the unit circle, but one of compression
 //! comes to -1 where tau = 1, B is large and eps = 1/2 ((2 eps - 1)^2/eps^2 is what is left), and in a model of a rigid bed that
-//! leaves its floor and returns, so that tau alternates, it never settles for B of 3 to 10. With eta = 1/2 the condition at z = -1 is 3 (1 + X) + 3 X (1 - tau) > 5 Y tau, which
-//! holds with room to spare because Y is below eps X and (1 - eps)/eps; those at z = 1 and of the product of the roots always do.
+//! leaves its floor and returns, so that tau alternates, it never settles for B of 3 to 10. With eta = 1/2 the condition at z = -1
+//! is 3 (1 + X) + 3 X (1 - tau) > 5 Y tau, which holds with room to spare because Y is below eps X and (1 - eps)/eps; those at z = 1
+//! and of the product of the roots always do.
 //!
 //! **Heat.** The same with temperatures: f becomes hA T, the response is that of the grains conducting through their
 //! contacts. Here the slope is the inverse of a symmetric matrix with the diagonal C/dt + hA + sum H, and M is one over
@@ -101,7 +102,8 @@ pub struct Anchor {
 /// theta_c of a held grain. Not zero: in an element full of grain the mobility is what couples the pressures of its nodes.
 const HELD: f64 = 1e-3;
 
-/// How far a grain may have moved beside its trial, over what the push would move it freely, for its contacts to count as holding it.
+/// How far a grain may have moved beside its trial, over what the push would move it freely, for its contacts to count as holding it:
+/// what counts as agreement of grains and fluid by default.
 const CALM: f64 = 1e-2;
 
 /// eta: the share of what is carried that the fluid gets in a step.
