@@ -24,8 +24,11 @@ use std::sync::Arc;
 /// Factors in the precision `T` of matrices of `B` x `B` blocks.
 pub(crate) struct Multifrontal<T, const B: usize> {
     symbolic: Arc<Symbolic>,
-    /// Per subtree: its children's, then its own panel [A; C] and rows B.
-    factors: Vec<T>,
+    /// Per subtree: its children's, then its own panel [A; C].
+    panels: Vec<T>,
+    /// Per subtree: its own rows B, then those of its children from the last to the first. So the backward substitution finds
+    /// them, as the forward one finds the panels, in the order of the memory, which is what its prefetching is made for.
+    uppers: Vec<T>,
     swaps: Vec<u32>,
     work: Vec<T>,
     /// Factors of rows and columns in the order of elimination.
@@ -38,7 +41,8 @@ pub(crate) struct Multifrontal<T, const B: usize> {
 
 /// The parts of a subtree's memory.
 struct Memory<'a, T> {
-    factors: &'a mut [T],
+    panels: &'a mut [T],
+    uppers: &'a mut [T],
     swaps: &'a mut [u32],
     work: &'a mut [T],
 }
@@ -46,10 +50,11 @@ struct Memory<'a, T> {
 impl<T: Scalar, const B: usize> Multifrontal<T, B> {
     /// Reserves the memory of the factors.
     pub fn new(symbolic: Arc<Symbolic>) -> Self {
-        let Totals { pivots, rows, factors, work, .. } = symbolic.fronts[symbolic.root()].subtree;
+        let Totals { pivots, rows, panels, uppers, work, .. } = symbolic.fronts[symbolic.root()].subtree;
         Self {
             symbolic,
-            factors: vec![T::default(); factors],
+            panels: vec![T::default(); panels],
+            uppers: vec![T::default(); uppers],
             swaps: vec![0; pivots],
             work: vec![T::default(); work],
             scale: Vec::new(),
@@ -62,7 +67,12 @@ impl<T: Scalar, const B: usize> Multifrontal<T, B> {
     pub fn factor(&mut self, matrix: &BlockMatrix<B>, scaling: &Scaling) {
         scaling.permuted(&self.symbolic.order, &mut self.scale);
         let task = Factorisation { symbolic: &self.symbolic, matrix, scale: &self.scale };
-        let memory = Memory { factors: &mut self.factors, swaps: &mut self.swaps, work: &mut self.work };
+        let memory = Memory {
+            panels: &mut self.panels,
+            uppers: &mut self.uppers,
+            swaps: &mut self.swaps,
+            work: &mut self.work,
+        };
         task.subtree(self.symbolic.root(), memory);
     }
 }
@@ -80,17 +90,16 @@ impl<const B: usize> Factorisation<'_, B> {
         let front = &self.symbolic.fronts[number];
         let (pivots, rows) = (B * front.pivots, B * front.rows.len());
         let (update, work) = memory.work.split_at_mut(rows * rows);
-        let own = memory.factors.len() - pivots * (pivots + 2 * rows);
-        let (below, factors) = memory.factors.split_at_mut(own);
+        let (panels, panel) = memory.panels.split_at_mut(memory.panels.len() - pivots * (pivots + rows));
+        let (upper, uppers) = memory.uppers.split_at_mut(pivots * rows);
         let (swaps_below, swaps) = memory.swaps.split_at_mut(memory.swaps.len() - pivots);
-        let memory = Memory { factors: below, swaps: swaps_below, work: &mut *work };
+        let memory = Memory { panels, uppers, swaps: swaps_below, work: &mut *work };
         if front.forks {
             self.children_in_parallel(front, memory)
         } else {
             self.children(front, memory)
         }
 
-        let (panel, upper) = factors.split_at_mut(pivots * (pivots + rows));
         panel.fill(T::default());
         upper.fill(T::default());
         let is_leaf = front.children.is_empty();
@@ -119,12 +128,13 @@ impl<const B: usize> Factorisation<'_, B> {
 
     /// One child after the other; their update matrices stay in the memory one behind the other.
     fn children<T: Scalar>(&self, front: &Front, memory: Memory<'_, T>) {
-        let Memory { mut factors, mut swaps, mut work } = memory;
+        let Memory { mut panels, mut uppers, mut swaps, mut work } = memory;
         for &child in &front.children {
-            let Totals { factors: size, pivots, .. } = self.symbolic.fronts[child as usize].subtree;
+            let totals = self.symbolic.fronts[child as usize].subtree;
             let of_child = Memory {
-                factors: factors.split_off_mut(..size).expect("room for the factors"),
-                swaps: swaps.split_off_mut(..pivots).expect("room for the exchanges"),
+                panels: panels.split_off_mut(..totals.panels).expect("room for the panels"),
+                uppers: uppers.split_off_mut(uppers.len() - totals.uppers..).expect("room for the rows"),
+                swaps: swaps.split_off_mut(..totals.pivots).expect("room for the exchanges"),
                 work: &mut *work,
             };
             self.subtree(child as usize, of_child);
@@ -135,12 +145,13 @@ impl<const B: usize> Factorisation<'_, B> {
 
     /// All children at the same time, each with its own memory.
     fn children_in_parallel<T: Scalar>(&self, front: &Front, memory: Memory<'_, T>) {
-        let Memory { mut factors, mut swaps, mut work } = memory;
+        let Memory { mut panels, mut uppers, mut swaps, mut work } = memory;
         let mut tasks = Vec::with_capacity(front.children.len());
         for &child in &front.children {
             let totals = self.symbolic.fronts[child as usize].subtree;
             let memory = Memory {
-                factors: factors.split_off_mut(..totals.factors).expect("room for the factors"),
+                panels: panels.split_off_mut(..totals.panels).expect("room for the panels"),
+                uppers: uppers.split_off_mut(uppers.len() - totals.uppers..).expect("room for the rows"),
                 swaps: swaps.split_off_mut(..totals.pivots).expect("room for the exchanges"),
                 work: work.split_off_mut(..totals.work).expect("room to work"),
             };
@@ -225,7 +236,12 @@ impl<T: Scalar, const B: usize> Preconditioner for Multifrontal<T, B> {
                 *x = T::from_f64(r * row / largest);
             }
         }
-        let solution = Substitution { symbolic: &self.symbolic, factors: &self.factors, swaps: &self.swaps };
+        let solution = Substitution {
+            symbolic: &self.symbolic,
+            panels: &self.panels,
+            uppers: &self.uppers,
+            swaps: &self.swaps,
+        };
         let root = self.symbolic.root();
         solution.forward::<B>(root, At::default(), &mut self.x, &mut self.y);
         solution.backward::<B>(root, At::default(), &mut self.x, &mut self.y);
@@ -240,14 +256,16 @@ impl<T: Scalar, const B: usize> Preconditioner for Multifrontal<T, B> {
 /// Forward and backward substitution over the tree.
 struct Substitution<'a, T> {
     symbolic: &'a Symbolic,
-    factors: &'a [T],
+    panels: &'a [T],
+    uppers: &'a [T],
     swaps: &'a [u32],
 }
 
 /// Where the factors and exchanges of a subtree begin.
 #[derive(Clone, Copy, Default)]
 struct At {
-    factors: usize,
+    panels: usize,
+    uppers: usize,
     swaps: usize,
 }
 
@@ -261,7 +279,7 @@ impl<'a, T: Scalar> Substitution<'a, T> {
         let front = &self.symbolic.fronts[number];
         let (x_below, x) = x.split_at_mut(x.len() - B * front.pivots);
         let (y_below, y) = y.split_at_mut(y.len() - B * front.rows.len());
-        let end = self.each_child::<B>(front, at, x_below, y_below, &|child, at, x, y| {
+        self.each_child::<B, false>(front, at, x_below, y_below, &|child, at, x, y| {
             self.forward::<B>(child, at, x, y);
         });
         y.fill(T::default());
@@ -277,7 +295,8 @@ impl<'a, T: Scalar> Substitution<'a, T> {
                 to.iter_mut().zip(from).for_each(|(to, &from)| *to += from);
             }
         }
-        let (panel, _, swaps) = self.own::<B>(front, end);
+        let (panel, _, swaps) = self.own::<B>(front, at);
+        fetch(panel);
         Arch::new().dispatch(Forward { panel, swaps, x, y });
     }
 
@@ -287,10 +306,8 @@ impl<'a, T: Scalar> Substitution<'a, T> {
         let front = &self.symbolic.fronts[number];
         let (x_below, x) = x.split_at_mut(x.len() - B * front.pivots);
         let (y_below, y) = y.split_at_mut(y.len() - B * front.rows.len());
-        let end = At { factors: at.factors + front.subtree.factors, swaps: at.swaps + front.subtree.pivots };
-        let own = B * front.pivots * B * (front.pivots + 2 * front.rows.len());
-        let end = At { factors: end.factors - own, swaps: end.swaps - B * front.pivots };
-        let (panel, upper, _) = self.own::<B>(front, end);
+        let (panel, upper, _) = self.own::<B>(front, at);
+        fetch(upper);
         Arch::new().dispatch(Backward { panel, upper, x: &mut *x, y: &*y });
         let mut sent = 0;
         for &child in &front.children {
@@ -304,42 +321,57 @@ impl<'a, T: Scalar> Substitution<'a, T> {
                 to.copy_from_slice(&from[..to.len()]);
             }
         }
-        self.each_child::<B>(front, at, x_below, y_below, &|child, at, x, y| {
+        self.each_child::<B, true>(front, at, x_below, y_below, &|child, at, x, y| {
             self.backward::<B>(child, at, x, y);
         });
     }
 
-    /// Runs something on every child with its part of the vectors, in parallel where the front
-    /// forks; returns where the last one ends.
-    fn each_child<const B: usize>(
+    /// Runs something on every child with its part of the vectors: in parallel where the front forks, else in the order of the
+    /// panels or against it, in that of the rows behind them.
+    fn each_child<const B: usize, const REVERSED: bool>(
         &self,
         front: &Front,
         mut at: At,
         mut x: &mut [T],
         mut y: &mut [T],
         run: &Visit<T>,
-    ) -> At {
-        let mut tasks = Vec::new();
+    ) {
+        let mut tasks = Vec::with_capacity(front.children.len());
+        let mut uppers = at.uppers + front.subtree.uppers;
         for &child in &front.children {
-            let Totals { pivots, rows, factors, .. } = self.symbolic.fronts[child as usize].subtree;
-            let x = x.split_off_mut(..pivots).expect("room for the pivots");
-            let y = y.split_off_mut(..rows).expect("room for the rows");
-            if front.forks {
-                tasks.push((child as usize, at, x, y))
-            } else {
-                run(child as usize, at, x, y)
-            }
-            at.factors += factors;
-            at.swaps += pivots;
+            let of = &self.symbolic.fronts[child as usize].subtree;
+            let x = x.split_off_mut(..of.pivots).expect("room for the pivots");
+            let y = y.split_off_mut(..of.rows).expect("room for the rows");
+            uppers -= of.uppers;
+            tasks.push((child as usize, At { uppers, ..at }, x, y));
+            at.panels += of.panels;
+            at.swaps += of.pivots;
         }
-        tasks.into_par_iter().for_each(|(child, at, x, y)| run(child, at, x, y));
-        at
+        if front.forks {
+            tasks.into_par_iter().for_each(|(child, at, x, y)| run(child, at, x, y));
+        } else if REVERSED {
+            tasks.into_iter().rev().for_each(|(child, at, x, y)| run(child, at, x, y));
+        } else {
+            tasks.into_iter().for_each(|(child, at, x, y)| run(child, at, x, y));
+        }
     }
 
-    /// Panel, columns behind the pivots and exchanges of a front that begins at a place.
+    /// Panel, columns behind the pivots and exchanges of the front at the end of a subtree.
     fn own<const B: usize>(&self, front: &Front, at: At) -> (&'a [T], &'a [T], &'a [u32]) {
         let (pivots, rows) = (B * front.pivots, B * front.rows.len());
-        let (panel, upper) = self.factors[at.factors..].split_at(pivots * (pivots + rows));
-        (panel, &upper[..pivots * rows], &self.swaps[at.swaps..at.swaps + pivots])
+        let of = &front.subtree;
+        let [panels, swaps] = [at.panels + of.panels, at.swaps + of.pivots];
+        (
+            &self.panels[panels - pivots * (pivots + rows)..panels],
+            &self.uppers[at.uppers..at.uppers + pivots * rows],
+            &self.swaps[swaps - pivots..swaps],
+        )
     }
+}
+
+/// Reads one number of each line of the cache. The factors are larger than the cache; these reads wait for nothing, so that
+/// many lines are on their way at a time, while those of the substitution itself wait for what they find.
+fn fetch<T: Scalar>(factors: &[T]) {
+    let line = 64 / size_of::<T>();
+    std::hint::black_box(factors.iter().step_by(line).fold(T::default(), |sum, &factor| sum + factor));
 }

@@ -44,7 +44,10 @@ pub(crate) struct Totals {
     pub fronts: usize,
     pub pivots: usize,
     pub rows: usize,
-    pub factors: usize,
+    /// Entries of the panels, pivots and what is below them.
+    pub panels: usize,
+    /// Entries of the rows of the pivots behind the panels.
+    pub uppers: usize,
     /// Memory of the factorisation: update matrices that live at the same time.
     pub work: usize,
     pub flops: f64,
@@ -205,7 +208,8 @@ impl Symbolic {
                 fronts: 1,
                 pivots,
                 rows,
-                factors: pivots * (pivots + 2 * rows),
+                panels: pivots * (pivots + rows),
+                uppers: pivots * rows,
                 work: 0,
                 flops: flops(pivots, rows),
             };
@@ -219,7 +223,8 @@ impl Symbolic {
                 totals.fronts += child.fronts;
                 totals.pivots += child.pivots;
                 totals.rows += child.rows;
-                totals.factors += child.factors;
+                totals.panels += child.panels;
+                totals.uppers += child.uppers;
                 totals.flops += child.flops;
                 totals.work = totals.work.max(waiting + child.work);
                 let rows = block * self.fronts[number as usize].rows.len();
