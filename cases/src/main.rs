@@ -71,7 +71,23 @@ enum Command {
     Doctor,
 }
 
+/// Exit code of programs that the shell ends for writing to nobody.
+const NOBODY_READS: i32 = 141;
+
+/// A reader that has read enough, as `head`, closes the pipe: ends the program as others end, instead of with a panic's message.
+fn end_quietly_where_nobody_reads() {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let text = panic.payload().downcast_ref::<String>().map_or("", String::as_str);
+        if text.starts_with("failed printing to stdout") && text.contains("Broken pipe") {
+            std::process::exit(NOBODY_READS);
+        }
+        report(panic);
+    }));
+}
+
 fn main() -> ExitCode {
+    end_quietly_where_nobody_reads();
     let arguments = Arguments::parse();
     let quiet = match &arguments.command {
         Command::Run(options) => options.quiet,

@@ -161,6 +161,24 @@ fn the_schema_and_the_doctor_speak() {
 }
 
 #[test]
+fn a_reader_that_leaves_ends_the_program_without_a_message() {
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_voidage"))
+        .arg("schema")
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let end = child.wait_with_output().unwrap();
+    assert_eq!(String::from_utf8(end.stderr).unwrap(), "");
+    assert_eq!(
+        end.status.code(),
+        Some(141),
+        "as of a program that the shell ends for writing to a closed pipe"
+    );
+}
+
+#[test]
 fn verify_leaves_its_tables_and_plots() {
     let folder = tempfile::tempdir().unwrap();
     let run = |only: &str| {
