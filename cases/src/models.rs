@@ -135,6 +135,7 @@ impl FluidSet {
             ramp: 0.0,
             nodal_volume,
             motion: None,
+            renewal: None,
         })
     }
 

@@ -135,6 +135,7 @@ pub fn sum_up(summary: &mut Summary, simulation: &Simulation) {
     summary.unconverged_steps = totals.unconverged_steps;
     summary.fluid_solves = totals.fluid_solves;
     summary.disagreeing_steps = totals.disagreeing_steps;
+    summary.remeshings = (totals.remeshings > 0).then_some(totals.remeshings);
     summary.momentum_exchange_defect = totals.momentum_exchange_defect;
     summary.energy_exchange_defect = totals.energy_exchange_defect;
     summary.solid_volume_defect = totals.solid_volume_defect;

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::launch::{self, Host};
 use crate::motion::Swing;
 use crate::protocol::Setup;
+use crate::renewal::Renewal;
 use crate::scene::{self, Scene};
 use crate::{Coupled, Fluid, Interaction, Laws};
 use std::sync::Arc;
@@ -251,14 +252,22 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
     backend.start(&mesh, &start)?;
     let nodal_volume = mesh.nodal_volume();
     let motion = described.mesh_motion.as_ref().map(|motion| swing(scene, motion, &mesh)).transpose()?;
-    Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume, motion })
+    let remesh = described.mesh_motion.as_ref().and_then(|motion| motion.remesh);
+    let renewal = remesh.map(|when| Renewal::new(&mesh, when));
+    Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume, motion, renewal })
 }
 
 fn swing(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Swing<2>> {
     let (amplitude, boundary) = (motion.amplitude.vector(), motion.boundary.as_deref());
-    Swing::new(mesh, amplitude, motion.frequency, boundary).map_err(|error| {
+    let swing = Swing::new(mesh, amplitude, motion.frequency, boundary);
+    let followed = swing.and_then(|swing| match motion.remesh {
+        Some(_) => Ok(swing),
+        None => swing.check(mesh).map(|()| swing),
+    });
+    followed.map_err(|error| {
         let message = format!("`fluid.mesh_motion`: {error}");
-        scene.error("fluid.mesh_motion", message, "give a smaller amplitude, or a boundary of the mesh")
+        let remedy = "give a smaller amplitude, a boundary of the mesh, or `remesh = {}`";
+        scene.error("fluid.mesh_motion", message, remedy)
     })
 }
 

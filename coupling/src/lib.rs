@@ -16,6 +16,7 @@ pub mod peer;
 pub mod protocol;
 pub mod recorder;
 pub mod remote;
+pub mod renewal;
 pub mod scene;
 pub mod scheme;
 pub mod serve;
@@ -32,6 +33,7 @@ use closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use motion::Swing;
 use overlap::Overlap;
 use rayon::prelude::*;
+use renewal::Renewal;
 use scheme::Scheme;
 use scheme::anchored::Push;
 use std::sync::Arc;
@@ -58,11 +60,13 @@ pub struct Phases {
     pub transport: f64,
     /// Contacts and motion of the grains.
     pub contacts: f64,
+    /// Meshes made anew.
+    pub remesh: f64,
 }
 
 impl Phases {
     /// The phases by name.
-    pub fn named(&self) -> [(&'static str, f64); 7] {
+    pub fn named(&self) -> [(&'static str, f64); 8] {
         [
             ("overlap", self.overlap),
             ("closure", self.closure),
@@ -71,6 +75,7 @@ impl Phases {
             ("exchange", self.exchange),
             ("transport", self.transport),
             ("contacts", self.contacts),
+            ("remesh", self.remesh),
         ]
     }
 
@@ -83,6 +88,7 @@ impl Phases {
         self.exchange += other.exchange;
         self.transport += other.transport;
         self.contacts += other.contacts;
+        self.remesh += other.remesh;
     }
 }
 
@@ -104,6 +110,8 @@ pub struct StepReport {
     pub solid_volume_defect: Option<f64>,
     /// How far the grains are from what the fluid expected; with both only.
     pub agreement: Option<Agreement>,
+    /// Whether the mesh was made anew after the step.
+    pub renewed: bool,
 }
 
 impl StepReport {
@@ -128,6 +136,8 @@ pub struct Fluid<const D: usize> {
     pub nodal_volume: Vec<f64>,
     /// How the mesh moves; absent if it stands still.
     pub motion: Option<Swing<D>>,
+    /// How it is made anew; absent if it never is.
+    pub renewal: Option<Renewal<D>>,
 }
 
 /// Laws and properties of the exchange between grains and fluid.
@@ -250,7 +260,9 @@ impl<const D: usize> Coupled<D> {
         self.move_mesh(|motion, time, points| motion.advance(time, dt, points));
         let report = scheme.step(self, dt);
         self.scheme = Some(scheme);
-        report
+        let mut report = report?;
+        self.renew_mesh(&mut report)?;
+        Ok(report)
     }
 
     /// Pieces of the grains on the mesh and the voidage they make.

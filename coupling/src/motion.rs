@@ -1,21 +1,26 @@
 //! Meshes that move by a law of time.
 
 use crate::{Coupled, Fluid};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use voidage_fluid::harmonic::harmonic;
+use voidage_fluid::mesh::Renewed;
 use voidage_fluid::{Error, Mesh, MeshMotion, Result, Vector};
 
 /// A mesh that swings: x(t) = x(0) + weight amplitude sin(2 pi frequency t), with a weight of each node between 0 and 1.
 ///
 /// The weight is 1 on the part of the boundary that swings, 0 on the others, and harmonic between. Without such a part
 /// only the inside of the mesh swings: then the weight solves -lap b = 1, scaled to a largest value of 1.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Swing<const D: usize> {
+    /// Places at the time of `origin`.
     rest: Vec<Vector<D>>,
     weight: Vec<f64>,
     amplitude: Vector<D>,
     /// 2 pi frequency, 1/s.
     rate: f64,
+    /// sin(2 pi frequency t) when the mesh was made.
+    origin: f64,
     /// Velocity of the nodes in the step in hand, m/s.
     velocity: Vec<Vector<D>>,
 }
@@ -24,7 +29,7 @@ impl Swing<2> {
     /// A swing of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that moves.
     ///
     /// # Errors
-    /// There is no such part, or cells turn over on the way.
+    /// There is no such part.
     pub fn new(mesh: &Mesh<2>, amplitude: Vector<2>, frequency: f64, boundary: Option<&str>) -> Result<Self> {
         let mut held = vec![None; mesh.points.len()];
         let moving = boundary.map(|name| mesh.boundary(name)).transpose()?;
@@ -39,14 +44,16 @@ impl Swing<2> {
         let largest = weight.iter().copied().fold(0.0, f64::max);
         weight.iter_mut().for_each(|weight| *weight /= largest);
         let rate = 2.0 * std::f64::consts::PI * frequency;
-        let swing = Self { rest: mesh.points.clone(), weight, amplitude, rate, velocity: Vec::new() };
-        swing.check(mesh)?;
-        Ok(swing)
+        let rest = mesh.points.clone();
+        Ok(Self { rest, weight, amplitude, rate, origin: 0.0, velocity: Vec::new() })
     }
 
-    /// The nodes move along straight lines and each cell's measure is a square polynomial of sin(2 pi f t): where it is
+    /// Whether one mesh can follow all of the swing. The nodes move along straight lines and each cell's measure is a square polynomial of sin(2 pi f t): where it is
     /// positive at both ends and at its least between them, it always is.
-    fn check(&self, mesh: &Mesh<2>) -> Result<()> {
+    ///
+    /// # Errors
+    /// A cell turns over on the way.
+    pub fn check(&self, mesh: &Mesh<2>) -> Result<()> {
         let mut moved = mesh.clone();
         let mut measures = [-1.0, 0.0, 1.0].map(|sine| {
             self.place(sine, &mut moved.points);
@@ -72,7 +79,7 @@ impl Swing<2> {
 impl<const D: usize> Swing<D> {
     fn place(&self, sine: f64, points: &mut [Vector<D>]) {
         for ((point, rest), weight) in points.iter_mut().zip(&self.rest).zip(&self.weight) {
-            *point = rest + self.amplitude * (weight * sine);
+            *point = rest + self.amplitude * (weight * (sine - self.origin));
         }
     }
 
@@ -88,6 +95,12 @@ impl<const D: usize> Swing<D> {
         let mean = self.amplitude * ((to - from) / dt);
         self.velocity.clear();
         self.velocity.extend(self.weight.iter().map(|weight| mean * *weight));
+    }
+
+    /// The same swing of a mesh that was made anew at a time, s.
+    pub(crate) fn renewed(&self, renewed: &Renewed<D>, time: f64) -> Self {
+        let (rest, weight) = (renewed.mesh.points.clone(), renewed.carry(&self.weight));
+        Self { rest, weight, origin: (self.rate * time).sin(), velocity: Vec::new(), ..*self }
     }
 
     /// The motion of the step in hand, which has brought the nodes to `points`.
@@ -140,7 +153,7 @@ mod tests {
         let mut mesh = mesh();
         let rest = mesh.points.clone();
         let amplitude = Vector::<2>::new(0.0, 0.05);
-        let mut swing = Swing::new(&mesh, amplitude, 0.25, Some("lid")).expect("a gentle swing");
+        let mut swing = Swing::new(&mesh, amplitude, 0.25, Some("lid")).expect("a boundary");
         swing.advance(0.0, 1.0, &mut mesh.points);
         for (node, (now, then)) in mesh.points.iter().zip(&rest).enumerate() {
             let moved = now - then;
@@ -160,10 +173,12 @@ mod tests {
     fn the_inside_swings_alone_and_no_cell_may_turn_over() {
         let mesh = mesh();
         let amplitude = Vector::<2>::new(0.05, 0.02);
-        let swing = Swing::new(&mesh, amplitude, 1.0, None).expect("a gentle swing");
+        let swing = Swing::new(&mesh, amplitude, 1.0, None).expect("a swing");
+        swing.check(&mesh).expect("a gentle swing");
         assert_eq!(swing.weight.iter().copied().fold(0.0, f64::max), 1.0);
         assert!(mesh.boundaries.iter().flat_map(|p| &p.facets).all(|&n| swing.weight[n as usize] == 0.0));
-        let error = Swing::new(&mesh, amplitude * 20.0, 1.0, None).expect_err("too far");
+        let far = Swing::new(&mesh, amplitude * 20.0, 1.0, None).expect("a swing");
+        let error = far.check(&mesh).expect_err("too far");
         assert!(error.to_string().contains("turns over"), "{error}");
         assert!(Swing::new(&mesh, amplitude, 1.0, Some("door")).is_err());
     }

@@ -5,6 +5,7 @@ use crate::compare::{Findings, SideBySide};
 use crate::error::Result;
 use crate::launch::Host;
 use crate::recorder::{Checkpoint, FluidView, GrainView, View};
+use crate::renewal::Anew;
 use crate::scene::Scene;
 use crate::{Carried, Coupled, Phases, StepReport, build};
 use serde::{Deserialize, Serialize};
@@ -34,6 +35,8 @@ pub struct Totals {
     pub unconverged_steps: u64,
     /// Solutions of the fluid; with grains and fluid only.
     pub fluid_solves: Option<u64>,
+    /// Meshes made anew on the way.
+    pub remeshings: u64,
     /// Steps in which grains and fluid did not agree within the tolerance; with both only.
     pub disagreeing_steps: Option<u64>,
     /// Largest [`StepReport::momentum_exchange_defect`].
@@ -51,6 +54,7 @@ pub struct State {
     steps: u64,
     grains: Option<voidage_dem::State<2>>,
     fluid: Option<flow::State<2>>,
+    anew: Option<Anew<2>>,
     at: Option<AtBodies<2>>,
     carried: Option<Carried<2>>,
 }
@@ -61,6 +65,7 @@ impl Totals {
             *worst = now.map(|now| worst.map_or(now, |worst| worst.max(now))).or(*worst);
         };
         self.phases.add(&report.phases);
+        self.remeshings += u64::from(report.renewed);
         self.unconverged_steps += u64::from(report.grains.is_some_and(|grains| !grains.converged));
         if let Some(agreement) = &report.agreement {
             *self.fluid_solves.get_or_insert(0) += agreement.solves as u64;
@@ -101,6 +106,9 @@ impl Simulation {
         let state: State = checkpoint.state()?;
         let coupled = &mut self.coupled;
         coupled.set_time(state.time, state.steps);
+        if let Some(anew) = state.anew {
+            coupled.take_anew(anew)?;
+        }
         coupled.place_mesh();
         if let (Some(grains), Some(state)) = (&mut coupled.grains, state.grains) {
             grains.restore(state)?;
@@ -274,6 +282,7 @@ impl Simulation {
             steps: coupled.steps(),
             grains: coupled.grains.as_ref().map(|grains| grains.state()),
             fluid,
+            anew: coupled.anew(),
             at: coupled.interaction.as_ref().map(|interaction| interaction.at.clone()),
             carried: coupled.interaction.as_ref().and_then(|interaction| interaction.carried.clone()),
         })

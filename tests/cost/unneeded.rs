@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use voidage_coupling::backend::{FluidBackend, FluidReport, FluidStep};
 use voidage_coupling::protocol::StepMessage;
+use voidage_coupling::renewal::Remesh;
 use voidage_coupling::scene::{Cohesion, Conduction, Coordinates, MeshMotion, ThinCell};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Fluid, Result, Scene, Simulation};
@@ -206,11 +207,25 @@ const PARTS: &[Part] = &[
     Part {
         name: "moving mesh",
         on: |scene| {
-            fluid(scene).mesh_motion =
-                Some(MeshMotion { amplitude: Coordinates(vec![1e-9, 0.0]), frequency: 5.0, boundary: None });
+            fluid(scene).mesh_motion = Some(MeshMotion {
+                amplitude: Coordinates(vec![1e-9, 0.0]),
+                frequency: 5.0,
+                boundary: None,
+                remesh: None,
+            });
         },
         // Places and velocities; too small a motion to change the pieces of the grains.
         adds: Added { wire: [0, 4], memory: [0, 4], ..NOTHING },
+    },
+    Part {
+        name: "moving mesh that may be made anew",
+        on: |scene| {
+            let remesh = Some(Remesh { every: 1000, angle: 0.0 });
+            let amplitude = Coordinates(vec![1e-9, 0.0]);
+            fluid(scene).mesh_motion = Some(MeshMotion { amplitude, frequency: 5.0, boundary: None, remesh });
+        },
+        // And the lengths that edges should have.
+        adds: Added { wire: [0, 4], memory: [0, 5], ..NOTHING },
     },
     Part {
         name: "lagged: a second law",

@@ -59,6 +59,13 @@ def test_lumped_heat_is_the_same_in_all_solvers(program, tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_a_mesh_made_anew_reaches_all_solvers(program, tmp_path):
+    anew = ("--set", "fluid.mesh_motion.remesh.every=5", "--at", "1,6,12", "--steps", "0")
+    done, rows = compare(program, SCENES / "moving-mesh.toml", tmp_path / "out", *anew)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {row["step"] for row in rows} == {"1", "6", "12"}
+
+
 def test_fenicsx_on_two_ranks_over_tcp(program, tmp_path):
     address = f"tcp:127.0.0.1:{20000 + os.getpid() % 20000}"
     ranks = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2"]

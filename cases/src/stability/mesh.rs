@@ -1,9 +1,11 @@
-//! A mesh that swings through a bed at rest under an inflow: whatever the nodes do, what flows in flows out.
+//! A mesh that swings through a bed at rest under an inflow, and one that is made anew on the way: whatever the nodes do, what
+//! flows in flows out.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::LIQUID;
 use crate::models::Vec2;
 use voidage_coupling::motion::Swing;
+use voidage_coupling::renewal::{Remesh, Renewal};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Result};
 
@@ -15,24 +17,42 @@ const DRIFT: f64 = 1e-9;
 /// Inflow over the fluidisation velocity.
 const INFLOW: f64 = 0.5;
 
-/// The axis of this file.
-pub const AXES: &[Axis] = &[Axis {
-    name: "mesh-motion",
-    title: "Volume that a swinging mesh loses per step, over the inflow: a bed of 100 um grains in water",
-    source: "incompressible: what flows in flows out",
-    labels: ["motion of a node per step / element size", "step / relaxation time of the grain"],
-    coupled: true,
-    points: |effort| {
-        effort.pick(
-            product(&[0.01, 1.0], &[1.0]),
-            product(&[0.01, 0.03, 0.1, 0.3, 1.0], &[0.1, 1.0, 10.0, 100.0]),
-        )
-    },
-    run: |[motion, step], scheme, _| swing(motion, step, scheme),
-    theory: |_, _| None,
-}];
+/// Steps over the relaxation time of a grain where the mesh is made anew.
+const STEP: f64 = 1.0;
 
-fn swing(motion: f64, step: f64, scheme: SchemeName) -> Result<Sample> {
+/// The axes of this file.
+pub const AXES: &[Axis] = &[
+    Axis {
+        name: "mesh-motion",
+        title: "Volume that a swinging mesh loses per step, over the inflow: a bed of 100 um grains in water",
+        source: "incompressible: what flows in flows out",
+        labels: ["motion of a node per step / element size", "step / relaxation time of the grain"],
+        coupled: true,
+        points: |effort| {
+            effort.pick(
+                product(&[0.01, 1.0], &[1.0]),
+                product(&[0.01, 0.03, 0.1, 0.3, 1.0], &[0.1, 1.0, 10.0, 100.0]),
+            )
+        },
+        run: |[motion, step], scheme, _| swing(motion, step, None, scheme),
+        theory: |_, _| None,
+    },
+    Axis {
+        name: "remesh",
+        title: "Volume that a swinging mesh made anew loses per step, over the inflow: a bed of 100 um grains in water",
+        source: "incompressible: what flows in flows out",
+        labels: ["motion of a node per step / element size", "steps between two meshes"],
+        coupled: true,
+        points: |effort| {
+            effort.pick(product(&[0.1], &[5.0]), product(&[0.01, 0.03, 0.1, 0.3, 1.0], &[1.0, 5.0, 25.0]))
+        },
+        run: |[motion, steps], scheme, _| swing(motion, STEP, Some(steps as u64), scheme),
+        theory: |_, _| None,
+    },
+];
+
+/// With a mesh that is made anew after so many steps, or never.
+fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Result<Sample> {
     let lying = LIQUID.lie()?;
     let speed = INFLOW * lying.fluidisation;
     let dt = step * LIQUID.solid / LIQUID.drag(speed, lying.voidage);
@@ -44,16 +64,26 @@ fn swing(motion: f64, step: f64, scheme: SchemeName) -> Result<Sample> {
         let amplitude = Vec2::new(0.6, 0.8) * (AMPLITUDE * element);
         fluid.motion = Some(Swing::new(&fluid.mesh, amplitude, frequency, None)?);
     }
+    let mut renewal = match (&system.fluid, remesh) {
+        (Some(fluid), Some(every)) => Some(Renewal::new(&fluid.mesh, Remesh { every, ..Remesh::default() })),
+        _ => None,
+    };
     let (mut tally, mut drift) = (Tally::default(), 0.0f64);
     let width = LIQUID.width();
     for _ in 0..STEPS {
-        let Ok(report) = system.step(dt) else {
+        let Ok(mut report) = system.step(dt) else {
             return Ok(Sample::new(Verdict::Unstable, f64::NAN, 0.0, tally));
         };
         tally.add(&report);
         let through = ["bottom", "top", "left", "right"].map(|side| outflow(&mut system, side));
         let sum = through.into_iter().sum::<Result<f64>>()?;
         drift = drift.max((sum / (speed * width)).abs());
+        // The fluxes are those of the mesh that the step was solved on; then a new one.
+        swap_renewal(&mut system, &mut renewal);
+        if system.renew_mesh(&mut report).is_err() {
+            return Ok(Sample::new(Verdict::Failed, drift, 0.0, tally));
+        }
+        swap_renewal(&mut system, &mut renewal);
         let fastest = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
         if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > 100.0 * speed {
             return Ok(Sample::new(Verdict::Unstable, drift, 0.0, tally));
@@ -62,20 +92,24 @@ fn swing(motion: f64, step: f64, scheme: SchemeName) -> Result<Sample> {
     Ok(Sample::judge(drift.is_finite(), drift, 0.0, DRIFT, tally))
 }
 
-/// Volume of fluid per time and depth that leaves through a side, m2/s: the integral of eps u . n of nodal eps and u.
-fn outflow(system: &mut Coupled<2>, side: &str) -> Result<f64> {
+fn swap_renewal(system: &mut Coupled<2>, renewal: &mut Option<Renewal<2>>) {
+    if let Some(fluid) = &mut system.fluid {
+        std::mem::swap(&mut fluid.renewal, renewal);
+    }
+}
+
+/// Volume of fluid per time and depth that leaves through a boundary, m2/s: the integral of eps u . n of nodal eps and u.
+pub(super) fn outflow(system: &mut Coupled<2>, boundary: &str) -> Result<f64> {
     let (Some(fluid), Some(both)) = (&mut system.fluid, &system.interaction) else { return Ok(f64::NAN) };
     let velocity = fluid.backend.fields()?.velocity;
     let (mesh, voidage) = (&fluid.mesh, &both.load.voidage);
-    let middle = mesh.points.iter().sum::<Vec2>() / mesh.points.len() as f64;
-    let facets = &mesh.boundary(side)?.facets;
+    let facets = &mesh.boundary(boundary)?.facets;
     Ok(facets
         .chunks_exact(2)
         .map(|facet| {
             let [a, b] = [facet[0] as usize, facet[1] as usize];
             let along = mesh.points[b] - mesh.points[a];
-            let normal = Vec2::new(along.y, -along.x);
-            let outward = if normal.dot(&(mesh.points[a] - middle)) > 0.0 { normal } else { -normal };
+            let outward = Vec2::new(along.y, -along.x);
             let flux = |k: usize, l: usize| voidage[k] * velocity[l].dot(&outward);
             (flux(a, a) + flux(b, b)) / 3.0 + (flux(a, b) + flux(b, a)) / 6.0
         })

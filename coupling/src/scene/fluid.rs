@@ -2,6 +2,7 @@
 
 use super::{Backend, Coordinates};
 use crate::closure::{Drag, HeatTransfer, VoidageFunction};
+use crate::renewal::Remesh;
 use crate::scheme::SchemeName;
 use crate::scheme::iterated::Iteration;
 use schemars::JsonSchema;
@@ -61,13 +62,16 @@ pub enum MeshSource {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshMotion {
-    /// Largest displacement, m. No cell may turn over.
+    /// Largest displacement, m. Without `remesh` no cell may turn over on the way.
     pub amplitude: Coordinates,
     /// Frequency, 1/s. Above 0.
     pub frequency: f64,
     /// Name of the part of the boundary that moves. Default: none, the nodes inside the mesh move alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boundary: Option<String>,
+    /// When the mesh is made anew within its boundary. Default: never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remesh: Option<Remesh>,
 }
 
 /// Temperature of the fluid.

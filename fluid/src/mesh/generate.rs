@@ -1,7 +1,7 @@
 //! Meshes of a described domain.
 
 use super::domain::{Diagonals, Rectangle, Structured};
-use super::{Mesh, refine};
+use super::{Mesh, outline, refine};
 use crate::{Error, Result, Vector};
 
 impl Mesh<2> {
@@ -13,7 +13,11 @@ impl Mesh<2> {
         domain.validate()?;
         let (points, cells) = match &domain.structured {
             Some(grid) => structured(domain, grid),
-            None => refine::triangulate(domain)?,
+            None => {
+                let (points, cells) = refine::triangulate(domain, outline::divide(domain)?)?;
+                refine::check_angles(&points, &cells)?;
+                (points, cells)
+            }
         };
         let mut names: Vec<String> = Vec::new();
         let sides = domain.named_sides();

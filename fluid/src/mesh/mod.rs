@@ -8,12 +8,15 @@ mod order;
 mod outline;
 mod quality;
 mod refine;
+mod renew;
+mod shape;
 mod smooth;
 mod topology;
 
 pub use domain::{Diagonals, Hole, Part, Place, Rectangle, Refinement, Side, Sides, Structured};
 pub use locate::Locator;
 pub use quality::Quality;
+pub use renew::Renewed;
 pub use topology::Neighbours;
 
 use crate::{Error, Result, Vector};

@@ -5,8 +5,8 @@
 //! the circle over a boundary edge (or beyond the edge), the edge is halved instead. New points of holes are put on
 //! the circle. Worst triangles go first, which spreads points evenly. The triangulation itself is spade's.
 
-use super::domain::Rectangle;
-use super::outline::{self, FREE, Outline, Site};
+use super::outline::{FREE, Outline, Site};
+use super::shape::Shape;
 use super::{Mesh, quality, smooth};
 use crate::{Error, Result, Vector};
 use spade::handles::{FixedDirectedEdgeHandle, FixedFaceHandle, FixedVertexHandle, InnerTag};
@@ -27,9 +27,9 @@ const ROUNDS: usize = 6;
 /// More nodes than this are taken for a mistake in the sizes.
 const MOST_NODES: usize = 20_000_000;
 
-/// Points and anticlockwise triangles of a domain.
-pub(super) fn triangulate(domain: &Rectangle) -> Result<(Points, Vec<u32>)> {
-    let mut refiner = Refiner::new(domain, outline::divide(domain)?)?;
+/// Points and anticlockwise triangles of a domain within its boundary.
+pub(super) fn triangulate<S: Shape>(domain: &S, boundary: Outline) -> Result<(Points, Vec<u32>)> {
+    let mut refiner = Refiner::new(domain, boundary)?;
     refiner.run()?;
     for _ in 0..ROUNDS {
         let mut outline = refiner.outline();
@@ -40,20 +40,24 @@ pub(super) fn triangulate(domain: &Rectangle) -> Result<(Points, Vec<u32>)> {
     // Smoothing may leave a triangle a little too large or thin: mend it.
     refiner.run()?;
     let points = refiner.outline().sites.iter().map(|site| Vector::<2>::new(site.at.x, site.at.y)).collect();
-    let (points, cells) = super::order::along_curve(points, refiner.cells());
-    let smallest = quality::smallest_angle(&points, &cells);
-    if smallest < Mesh::<2>::SMALLEST_ANGLE {
-        return Err(Error::Mesh(format!(
-            "the mesh has an angle of {smallest:.1} degrees, at least {} is wanted: sizes change too fast or gaps \
-             between holes and sides are too narrow for the sizes given",
-            Mesh::<2>::SMALLEST_ANGLE
-        )));
-    }
-    Ok((points, cells))
+    Ok(super::order::along_curve(points, refiner.cells()))
 }
 
-struct Refiner<'a> {
-    domain: &'a Rectangle,
+/// An error where a mesh has angles below [`Mesh::SMALLEST_ANGLE`].
+pub(super) fn check_angles(points: &[Vector<2>], cells: &[u32]) -> Result<()> {
+    let smallest = quality::smallest_angle(points, cells);
+    if smallest >= Mesh::<2>::SMALLEST_ANGLE {
+        return Ok(());
+    }
+    Err(Error::Mesh(format!(
+        "the mesh has an angle of {smallest:.1} degrees, at least {} is wanted: sizes change too fast or gaps \
+         between holes and sides are too narrow for the sizes given",
+        Mesh::<2>::SMALLEST_ANGLE
+    )))
+}
+
+struct Refiner<'a, S> {
+    domain: &'a S,
     cdt: ConstrainedDelaunayTriangulation<Site>,
     bad: BinaryHeap<Bad>,
     /// Boundary edges that wait to be halved.
@@ -112,8 +116,8 @@ enum Place {
     Lost,
 }
 
-impl<'a> Refiner<'a> {
-    fn new(domain: &'a Rectangle, outline: Outline) -> Result<Self> {
+impl<'a, S: Shape> Refiner<'a, S> {
+    fn new(domain: &'a S, outline: Outline) -> Result<Self> {
         let cdt = ConstrainedDelaunayTriangulation::bulk_load_cdt(outline.sites, outline.edges)
             .map_err(|error| Error::Mesh(format!("the domain cannot be triangulated: {error}")))?;
         Ok(Self { domain, cdt, bad: BinaryHeap::new(), edges: Vec::new() })
@@ -130,10 +134,8 @@ impl<'a> Refiner<'a> {
         inside.flat_map(|face| face.vertices().map(|v| v.index() as u32)).collect()
     }
 
-    /// Triangles inside a hole have all their nodes on its circle; all others belong to the domain.
     fn in_domain(&self, face: Face) -> bool {
-        let [a, b, c] = self.cdt.face(face).vertices().map(|v| v.data().hole);
-        a == FREE || a != b || b != c
+        self.domain.contains(self.cdt.face(face).vertices().each_ref().map(|node| node.data()))
     }
 
     fn run(&mut self) -> Result<()> {
@@ -163,7 +165,10 @@ impl<'a> Refiner<'a> {
         for edge in handle.adjacent_edges() {
             let [a, b] = [edge.from(), edge.to()];
             let apex = edge.next().to().position();
-            if edge.as_undirected().is_constraint_edge() && encroaches(apex, a.position(), b.position()) {
+            if S::DIVISIBLE
+                && edge.as_undirected().is_constraint_edge()
+                && encroaches(apex, a.position(), b.position())
+            {
                 self.edges.push([a.fix(), b.fix()]);
             }
         }
@@ -189,6 +194,8 @@ impl<'a> Refiner<'a> {
                 let hint = self.cdt.face(near).vertices()[0].fix();
                 self.insert(Site { at: centre, hole: FREE }, hint).map(|_| ())
             }
+            // Where the boundary stays as it is, so does the triangle.
+            Place::Edges(_) if !S::DIVISIBLE => Ok(()),
             Place::Edges(edges) => {
                 for [a, b] in edges {
                     self.halve(a, b)?;
@@ -263,7 +270,7 @@ impl<'a> Refiner<'a> {
         if p.hole == FREE {
             return self.insert(Site { at: middle, hole: FREE }, a).map(|_| ());
         }
-        let at = outline::onto_circle(&self.domain.holes[p.hole as usize], middle);
+        let at = self.domain.onto_hole(p.hole, middle);
         self.cdt.remove_constraint_edge(edge);
         let new = self.insert(Site { at, hole: p.hole }, a)?;
         for end in [a, b] {

@@ -1,8 +1,8 @@
 //! Smoothing: interior nodes move towards the centre of the cells around them.
 
-use super::domain::Rectangle;
 use super::outline::{FREE, Site};
 use super::quality::smallest_angle_of;
+use super::shape::Shape;
 use crate::Vector;
 use spade::Point2;
 
@@ -12,15 +12,12 @@ const GOOD_ANGLE: f64 = 35.0;
 /// One sweep over the nodes. A node goes to the weighted mean of the centroids of its cells, weight |e| / h^4: with this
 /// density the centroidal arrangement has edges proportional to h (Gersho's rule in the plane: spacing ~ density^(-1/4)).
 /// It goes only if no angle of its cells falls below [`GOOD_ANGLE`] or below the smallest before.
-pub(super) fn smooth(domain: &Rectangle, sites: &mut [Site], cells: &[u32]) {
+pub(super) fn smooth<S: Shape>(domain: &S, sites: &mut [Site], cells: &[u32]) {
     let (first, around) = cells_around(sites.len(), cells);
-    let on_side = |p: Point2<f64>| {
-        p.x == domain.lower[0] || p.x == domain.upper[0] || p.y == domain.lower[1] || p.y == domain.upper[1]
-    };
     for node in 0..sites.len() {
         let star = &around[first[node] as usize..first[node + 1] as usize];
         let old = sites[node].at;
-        if sites[node].hole != FREE || on_side(old) || star.is_empty() {
+        if sites[node].hole != FREE || domain.on_side(old) || star.is_empty() {
             continue;
         }
         let corners = |sites: &[Site], cell: u32| {

@@ -1,6 +1,6 @@
 //! Checks of the fluid, its mesh and its boundaries.
 
-use super::{Checked, coordinates, fail, known, not_negative, positive};
+use super::{Checked, coordinates, fail, known, not_negative, positive, within};
 use crate::scene::{Backend, Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, Scene, Solver};
 use crate::transport::Address;
 use voidage_fluid::mesh::{Rectangle, Sides};
@@ -18,6 +18,10 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
         if let Some(name) = &motion.boundary {
             let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
             known(scene, "fluid.mesh_motion.boundary", name, &names, "boundary of the mesh")?;
+        }
+        if let Some(remesh) = &motion.remesh {
+            positive(scene, "fluid.mesh_motion.remesh.every", remesh.every as f64)?;
+            within(scene, "fluid.mesh_motion.remesh.angle", remesh.angle, 0.0, 25.0)?;
         }
     }
     if let Some(heat) = &fluid.heat {

@@ -1,0 +1,126 @@
+//! Meshes that move, made anew when they have gone far: nodes inside are placed anew between those of the boundary, and the
+//! fields interpolated.
+//!
+//! The step that follows solves its equations on the new mesh, so that what flows in flows out as before. What interpolation
+//! loses of momentum and heat is of second order in the mesh.
+
+use crate::motion::Swing;
+use crate::overlap::Overlap;
+use crate::{Coupled, Result, StepReport};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::time::Instant;
+use voidage_fluid::Mesh;
+use voidage_fluid::flow::State;
+use voidage_fluid::mesh::Renewed;
+
+/// When a mesh is made anew.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Remesh {
+    /// Steps after which it is. At least 1. Default 25.
+    pub every: u64,
+    /// Smallest angle of its cells below which it is at once, degrees. From 0 to 25. Default 15.
+    pub angle: f64,
+}
+
+impl Default for Remesh {
+    fn default() -> Self {
+        Self { every: 25, angle: 15.0 }
+    }
+}
+
+/// A mesh that is made anew.
+#[derive(Clone, Debug)]
+pub struct Renewal<const D: usize> {
+    when: Remesh,
+    /// Lengths that edges should have, by node, m.
+    spacing: Vec<f64>,
+    /// Step after which the mesh was last made.
+    last: u64,
+    tools: Tools<D>,
+}
+
+/// What depends on the dimension.
+#[derive(Clone, Copy, Debug)]
+struct Tools<const D: usize> {
+    make: fn(&Mesh<D>, &[f64]) -> voidage_fluid::Result<Renewed<D>>,
+    /// Smallest angle, degrees.
+    angle: fn(&Mesh<D>) -> f64,
+}
+
+/// A mesh that was made anew on the way, as a checkpoint has it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Anew<const D: usize> {
+    mesh: Mesh<D>,
+    motion: Option<Swing<D>>,
+    spacing: Vec<f64>,
+    last: u64,
+}
+
+impl Renewal<2> {
+    /// Makes a mesh anew, with edges as long as they are now.
+    pub fn new(mesh: &Mesh<2>, when: Remesh) -> Self {
+        let tools = Tools { make: Mesh::<2>::renew, angle: |mesh| mesh.quality().smallest_angle };
+        Self { when, spacing: mesh.spacing(), last: 0, tools }
+    }
+}
+
+impl<const D: usize> Coupled<D> {
+    /// Makes the mesh anew if it is time; the end of every step.
+    ///
+    /// # Errors
+    /// No mesh fits into its boundary; the solver cannot be reached.
+    pub fn renew_mesh(&mut self, report: &mut StepReport) -> Result<()> {
+        let Some(fluid) = &mut self.fluid else { return Ok(()) };
+        let Some(renewal) = &mut fluid.renewal else { return Ok(()) };
+        let Renewal { when, tools, .. } = *renewal;
+        if self.steps - renewal.last < when.every && (tools.angle)(&fluid.mesh) >= when.angle {
+            return Ok(());
+        }
+        let start = Instant::now();
+        let renewed = (tools.make)(&fluid.mesh, &renewal.spacing)?;
+        let old = fluid.backend.fields()?;
+        let fields = State {
+            velocity: renewed.carry(&old.velocity),
+            pressure: renewed.carry(&old.pressure),
+            temperature: old.temperature.map(|old| renewed.carry(&old)),
+        };
+        renewal.spacing = renewed.carry(&renewal.spacing);
+        renewal.last = self.steps;
+        fluid.motion = fluid.motion.as_ref().map(|motion| motion.renewed(&renewed, self.time));
+        fluid.mesh = Arc::new(renewed.mesh);
+        fluid.backend.start(&fluid.mesh, &fields)?;
+        fluid.nodal_volume = fluid.mesh.nodal_volume();
+        if let Some(interaction) = &mut self.interaction {
+            interaction.overlap = Overlap::new(&fluid.mesh)?;
+        }
+        report.renewed = true;
+        report.phases.remesh += start.elapsed().as_secs_f64();
+        self.cut_grains(report)
+    }
+
+    /// The mesh, if it has been made anew.
+    pub(crate) fn anew(&self) -> Option<Anew<D>> {
+        let fluid = self.fluid.as_ref()?;
+        let Renewal { spacing, last, .. } = fluid.renewal.as_ref().filter(|renewal| renewal.last > 0)?;
+        let (mesh, motion) = ((*fluid.mesh).clone(), fluid.motion.clone());
+        Some(Anew { mesh, motion, spacing: spacing.clone(), last: *last })
+    }
+
+    /// Takes the mesh of a checkpoint.
+    ///
+    /// # Errors
+    /// A mesh that cannot be searched.
+    pub(crate) fn take_anew(&mut self, anew: Anew<D>) -> Result<()> {
+        let Some(fluid) = &mut self.fluid else { return Ok(()) };
+        let Some(renewal) = &mut fluid.renewal else { return Ok(()) };
+        (renewal.spacing, renewal.last) = (anew.spacing, anew.last);
+        (fluid.mesh, fluid.motion) = (Arc::new(anew.mesh), anew.motion);
+        if let Some(interaction) = &mut self.interaction {
+            interaction.overlap = Overlap::new(&fluid.mesh)?;
+        }
+        Ok(())
+    }
+}
