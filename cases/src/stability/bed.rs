@@ -136,7 +136,8 @@ impl Bed {
         self.set().laws(None).drag.coefficient(&around, VoidageFunction::None)
     }
 
-    fn set(&self) -> FluidSet {
+    /// The fluid, with sides that slip and an open top.
+    pub fn set(&self) -> FluidSet {
         let mut set = FluidSet::new(self.fluid, self.viscosity);
         // Else the pressure stabilisation, and with it the drop of the drag law on this mesh, depends on the step.
         set.properties.drag_in_stabilisation = true;
@@ -145,8 +146,8 @@ impl Bed {
             .flow("top", FlowCondition::Open { pressure: 0.0 })
     }
 
-    /// Gravity less buoyancy, so that the pressure is that of the flow alone.
-    fn gravity(&self) -> f64 {
+    /// Gravity less buoyancy, so that the pressure is that of the flow alone, m/s2.
+    pub fn gravity(&self) -> f64 {
         GRAVITY * (1.0 - self.fluid / self.solid)
     }
 

@@ -14,6 +14,7 @@ mod modes;
 mod pictures;
 mod record;
 mod settle;
+mod vapour;
 
 pub use axis::{Axis, Sample, Tally, Verdict};
 
@@ -55,7 +56,8 @@ fn scheme(name: &str) -> std::result::Result<SchemeName, String> {
 
 /// All axes, in the order in which they run.
 pub fn axes() -> Vec<Axis> {
-    [modes::AXES, contacts::AXES, settle::AXES, mesh::AXES, fluidisation::AXES, bed::AXES].concat()
+    [modes::AXES, contacts::AXES, settle::AXES, mesh::AXES, vapour::AXES, fluidisation::AXES, bed::AXES]
+        .concat()
 }
 
 /// Runs the map; exit code 1 if the default scheme fails anywhere.
