@@ -329,7 +329,8 @@ fn heat(fluid: &scene::Fluid) -> Option<HeatProperties> {
             conductivity: heat.conductivity,
             thin_cell: thin_cell
                 .map(|wall| ThinCellHeat { coefficient: wall.coefficient, temperature: wall.temperature }),
-            lumped: heat.lumped,
+            lumped: heat.lumped || heat.monotone,
+            monotone: heat.monotone,
         },
         expansion: heat.expansion,
         reference: heat.reference_temperature.unwrap_or(heat.initial_temperature),

@@ -270,6 +270,9 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         });
         let mesh = &geometry.mesh;
         boundary::add_heat(mesh, conditions, scalar.capacity, voidage, wind, &mut heat.system);
+        if scalar.monotone {
+            heat.system.upwind();
+        }
         boundary::apply_temperatures(mesh, conditions, &mut heat.system);
         next.copy_from_slice(old);
         let solved = heat.solver.solve(&heat.system.matrix, &heat.system.rhs, next)?;

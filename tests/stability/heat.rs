@@ -53,7 +53,7 @@ fn bed(conductivity: f64) -> (Coupled<2>, f64) {
         .flow("right", FlowCondition::Slip)
         .flow("bottom", inflow)
         .flow("top", FlowCondition::Open { pressure: 0.0 });
-    let scalar = Scalar { capacity, conductivity: conducts, thin_cell: None, lumped: true };
+    let scalar = Scalar { capacity, conductivity: conducts, thin_cell: None, lumped: true, monotone: false };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
     for condition in &mut set.conditions {
         condition.heat = match condition.boundary.as_str() {

@@ -89,7 +89,8 @@ fn slip_decays_by_the_exact_factor_of_each_scheme() {
 }
 
 fn heat_properties(conductivity: f64) -> HeatProperties {
-    let scalar = Scalar { capacity: 3.0 * 1000.0, conductivity, thin_cell: None, lumped: true };
+    let scalar =
+        Scalar { capacity: 3.0 * 1000.0, conductivity, thin_cell: None, lumped: true, monotone: false };
     HeatProperties { scalar, expansion: 0.0, reference: 0.0 }
 }
 
@@ -195,7 +196,13 @@ fn a_grain_cools_in_a_stream_as_ranz_and_marshall_say() {
         .flow("bottom", FlowCondition::Slip)
         .flow("top", FlowCondition::Slip)
         .flow("right", OPEN);
-    let scalar = Scalar { capacity: 1.1854 * 1007.0, conductivity: 0.026, thin_cell: None, lumped: true };
+    let scalar = Scalar {
+        capacity: 1.1854 * 1007.0,
+        conductivity: 0.026,
+        thin_cell: None,
+        lumped: true,
+        monotone: false,
+    };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 298.15 });
     set.conditions[0].heat = HeatCondition::Temperature(Prescribed::Uniform(298.15));
     let mesh = grid([0.4, 0.2], [8, 4]).unwrap();

@@ -1,8 +1,13 @@
 //! Invariances of the fluid alone; its exact oracles are cases of `voidage verify`.
 
 use approx::assert_relative_eq;
+use std::sync::Arc;
 use voidage::models::{FluidSet, Vec2, grid, steps_alone};
-use voidage_fluid::conditions::{FlowCondition, Prescribed};
+use voidage_fluid::assembly::System;
+use voidage_fluid::conditions::{FlowCondition, HeatCondition, Prescribed};
+use voidage_fluid::flow::{HeatProperties, State};
+use voidage_fluid::linear::Pattern;
+use voidage_fluid::transport::Scalar;
 
 /// A stirred box with an obstacle of drag, solved in kg and in units a thousand times smaller: velocities are
 /// the same and pressures scale. The stabilisation as printed in the paper fails this.
@@ -25,5 +30,72 @@ fn the_solution_does_not_depend_on_the_unit_of_mass() {
     }
     for (a, b) in kilogram.pressure.iter().zip(&gram.pressure) {
         assert_relative_eq!(1000.0 * a, b, epsilon = 1e-4);
+    }
+}
+
+/// Temperatures (lowest, highest) after hot fluid has entered a cold box from the left, in a stream that crosses it aslant.
+fn after_a_front(monotone: bool) -> [f64; 2] {
+    let stream = Vec2::new(1.0, 0.6);
+    let mesh = grid([1.0, 1.0], [16, 16]).expect("a valid rectangle");
+    let uniform = || FlowCondition::Velocity(Prescribed::Uniform(stream));
+    let mut set = FluidSet::new(1.0, 0.01).flow("left", uniform()).flow("bottom", uniform());
+    for side in ["right", "top"] {
+        set = set.flow(side, FlowCondition::Open { pressure: 0.0 });
+    }
+    let scalar = Scalar { capacity: 2.0, conductivity: 1e-5, thin_cell: None, lumped: true, monotone };
+    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
+    for (side, temperature) in [("left", 400.0), ("bottom", 300.0)] {
+        let mut conditions = set.conditions.iter_mut();
+        let condition = conditions.find(|condition| condition.boundary == side).expect("a side");
+        condition.heat = HeatCondition::Temperature(Prescribed::Uniform(temperature));
+    }
+    let start = State { velocity: vec![stream; mesh.points.len()], ..set.rest(&mesh, 300.0) };
+    let clear = vec![1.0; mesh.points.len()];
+    let mut flow = set.equations(mesh, start).expect("a valid fluid");
+    let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+    for _ in 0..20 {
+        flow.solve(0.02, &clear, None, &set.conditions).expect("a step");
+        flow.accept();
+        let temperature = flow.state().temperature.as_ref().expect("heat");
+        range[0] = temperature.iter().copied().fold(range[0], f64::min);
+        range[1] = temperature.iter().copied().fold(range[1], f64::max);
+    }
+    range
+}
+
+#[test]
+fn a_front_stays_within_its_bounds_where_temperatures_are_monotone() {
+    let [low, high] = after_a_front(true);
+    assert!(low > 300.0 - 1e-9 && high < 400.0 + 1e-9, "{low} to {high}");
+    let [low, high] = after_a_front(false);
+    assert!(low < 299.9 && high > 405.0, "{low} to {high}: the test would see nothing");
+}
+
+#[test]
+fn upwinding_leaves_the_sums_of_rows_and_columns_and_no_positive_neighbour() {
+    let pattern = Arc::new(Pattern::from_cells(4, &[0, 1, 2, 1, 3, 2], 3));
+    let mut system = System::<1>::new(pattern.clone());
+    let entries = [2.0, -1.0, 0.5, 0.3, 4.0, -0.2, 0.7, -0.4, 0.1, 3.0, -2.0, 0.6, -0.1, 1.0];
+    system.matrix.values.iter_mut().zip(entries).for_each(|(block, entry)| block[0][0] = entry);
+    let sums = |system: &System<1>| {
+        let (mut rows, mut columns) = ([0.0; 4], [0.0; 4]);
+        for row in 0..4 {
+            for position in pattern.range(row) {
+                rows[row] += system.matrix.values[position][0][0];
+                columns[pattern.columns[position] as usize] += system.matrix.values[position][0][0];
+            }
+        }
+        [rows, columns]
+    };
+    let before = sums(&system);
+    system.upwind();
+    for (before, after) in before.iter().flatten().zip(sums(&system).iter().flatten()) {
+        assert!((before - after).abs() < 1e-15, "{before} {after}");
+    }
+    for row in 0..4 {
+        for position in pattern.range(row) {
+            let entry = system.matrix.values[position][0][0];
+            assert!(pattern.columns[position] as usize == row || entry <= 0.0, "{entry}");
+        }
     }
 }

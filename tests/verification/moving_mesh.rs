@@ -41,7 +41,8 @@ fn a_uniform_stream_stays_uniform_however_the_nodes_move() {
         .flow("right", FlowCondition::Open { pressure: 0.0 })
         .flow("top", FlowCondition::Slip)
         .flow("bottom", FlowCondition::Slip);
-    let scalar = Scalar { capacity: 1.5, conductivity: 0.02, thin_cell: None, lumped: false };
+    let scalar =
+        Scalar { capacity: 1.5, conductivity: 0.02, thin_cell: None, lumped: false, monotone: false };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
     set.conditions[1].heat = HeatCondition::Open { temperature: Some(300.0) };
     let start = State { velocity: vec![stream; rest.len()], ..set.rest(&mesh, warm) };
@@ -334,7 +335,8 @@ fn a_uniform_stream_stays_uniform_when_the_mesh_is_made_anew() {
         .flow("right", FlowCondition::Open { pressure: 0.0 })
         .flow("top", FlowCondition::Slip)
         .flow("bottom", FlowCondition::Slip);
-    let scalar = Scalar { capacity: 1.5, conductivity: 0.02, thin_cell: None, lumped: false };
+    let scalar =
+        Scalar { capacity: 1.5, conductivity: 0.02, thin_cell: None, lumped: false, monotone: false };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
     let start = State { velocity: vec![stream; mesh.points.len()], ..set.rest(&mesh, warm) };
     let mut fluid = set.build(mesh, start).expect("a valid fluid");

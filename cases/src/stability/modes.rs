@@ -424,7 +424,7 @@ fn heat_factor(ratio: f64, scheme: SchemeName, b: f64) -> f64 {
 fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     let (capacity, conductivity, radius) = (3000.0, 0.5, 0.2);
     let mut set = fluid();
-    let scalar = Scalar { capacity, conductivity, thin_cell: None, lumped: false };
+    let scalar = Scalar { capacity, conductivity, thin_cell: None, lumped: false, monotone: false };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
     let mesh = grid([4.0, 4.0], [4, 4])?;
     let start = set.rest(&mesh, 20.0);

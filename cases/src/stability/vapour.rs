@@ -169,8 +169,13 @@ fn system(speed: f64, scheme: SchemeName) -> Result<Coupled<2>> {
         structured: None,
     })?;
     let mut set = GAS.set();
-    let scalar =
-        Scalar { capacity: GAS.fluid * CAPACITY, conductivity: CONDUCTIVITY, thin_cell: None, lumped: true };
+    let scalar = Scalar {
+        capacity: GAS.fluid * CAPACITY,
+        conductivity: CONDUCTIVITY,
+        thin_cell: None,
+        lumped: true,
+        monotone: true,
+    };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: HOT });
     let out = mesh.points.iter().map(|x| (x - centre).normalize() * speed).collect();
     let of = |boundary: &str, flow, heat| Condition { boundary: boundary.into(), flow, heat };

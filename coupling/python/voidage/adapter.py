@@ -110,6 +110,7 @@ def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Fields) -> Problem:
             wall_coefficient=wall["coefficient"],
             wall_temperature=wall["temperature"],
             lumped=scalar["lumped"],
+            monotone=scalar["monotone"],
         )
     points, cells, boundaries = mesh
     return Problem(

@@ -260,7 +260,7 @@ class HeatSystem:
                     coefficient = -C * eps * ufl.min_value(dot(u, n), 0)
                 matrix += coefficient * T * S * ds(solver.part[name])
                 rhs += coefficient * outside * S * ds(solver.part[name])
-        self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative")
+        self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative", heat.monotone)
 
     def fill(self, step: Step, old: Floats, xi_U: Floats) -> None:
         """Takes the coefficients of a step."""

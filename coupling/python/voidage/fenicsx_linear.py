@@ -98,8 +98,15 @@ class Layout:
 class Linear:
     """A linear system: its forms, the matrices of the grains, the held unknowns, and the solver."""
 
-    def __init__(self, layout: Layout, matrix: ufl.Form, rhs: ufl.Form, iterative: bool):
-        self.layout, self.iterative = layout, iterative
+    def __init__(
+        self,
+        layout: Layout,
+        matrix: ufl.Form,
+        rhs: ufl.Form,
+        iterative: bool,
+        monotone: bool = False,
+    ):
+        self.layout, self.iterative, self.monotone = layout, iterative, monotone
         self.matrix_form, self.rhs_form = fem.form(matrix), fem.form(rhs)
         self.matrix = petsc.create_matrix(self.matrix_form)
         self.rhs = petsc.assemble_vector(self.rhs_form)  # the vector; its values come later
@@ -151,6 +158,8 @@ class Linear:
         if blocks is not None:
             self._add(blocks)
         A.assemble()
+        if self.monotone:
+            self._upwind()
         b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
 
     def _add(self, blocks: Blocks) -> None:
@@ -163,6 +172,20 @@ class Linear:
         unknowns = (self.components * dofs[:, :, None] + np.arange(self.components)).ravel()
         with self.rhs.localForm() as local:
             local.array += np.bincount(unknowns, blocks.rhs[mine].ravel(), local.size)
+
+    def _upwind(self) -> None:
+        """Moves max(a_ij, a_ji, 0) from the entries ij and ji to the diagonal of i and j."""
+        A = self.matrix
+        first, columns, entries = A.getValuesCSR()
+        # Two nodes couple in both directions, so the transpose has its entries in the same places.
+        excess = np.maximum(np.maximum(entries, A.transpose(PETSc.Mat()).getValuesCSR()[2]), 0)
+        rows = np.repeat(np.arange(len(first) - 1), np.diff(first))
+        diagonal = columns == rows + A.getOwnershipRange()[0]
+        excess[diagonal] = 0
+        excess[diagonal] = -np.bincount(rows, excess, len(first) - 1)
+        csr = first, columns, -excess
+        change = PETSc.Mat().createAIJ(A.getSizes(), csr=csr, comm=A.comm)
+        A.axpy(1.0, change, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
 
     def _hold(self, free: Floats, value: Floats) -> tuple[PETSc.Mat, PETSc.Vec]:
         """P A + S (1 - P) and P b + S (1 - P) g, with P the projectors and S the diagonal of A."""

@@ -108,8 +108,11 @@ class FiniteElements(Solver):
         return FlowData(stabilisation, weight, share, solid_flux)
 
     def heat_stabilisation(self, step: Step) -> tuple[Floats, Floats]:
-        """U = u_n - u_mesh at the centroid of every cell, (m, D), and xi_T (A.12), (m)."""
+        """U = u_n - u_mesh at the centroid of every cell, (m, D), and xi_T (A.12), (m); zero if monotone."""
         heat, U = self.problem.heat, self.cells.mean(self._wind(step))
         speed = np.linalg.norm(U, axis=1)
         diffusivity = heat.conductivity / heat.capacity
-        return U, stabilisation_time(step.dt, speed, self.cells.size, diffusivity, np.zeros_like(speed))
+        still = np.zeros_like(speed)
+        if heat.monotone:
+            return U, still
+        return U, stabilisation_time(step.dt, speed, self.cells.size, diffusivity, still)

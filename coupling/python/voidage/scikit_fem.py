@@ -134,6 +134,8 @@ class ScikitFem(FiniteElements):
         if sums is not None and sums.heated:
             blocks, loads = sums.energy(U, xi, heat.lumped)
             A, b = _add_blocks(A, b, self.problem.cells[sums.cells], blocks, loads)
+        if heat.monotone:
+            A = _upwind(A)
         T, _ = _solve(A, b, *hold_heat(problem, step.conditions), problem.tolerance)
         report.iterations += 1
         return T[:, 0]
@@ -233,6 +235,13 @@ def _add_blocks(
     rows, columns = np.repeat(dofs, size, axis=1), np.tile(dofs, (1, size))
     more = sp.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), A.shape)
     return A + more.tocsr(), b + np.bincount(dofs.ravel(), loads.ravel(), len(b))
+
+
+def _upwind(A: Sparse) -> Sparse:
+    """A with max(a_ij, a_ji, 0) moved from the entries ij and ji to the diagonal of i and j."""
+    excess = sp.csr_array(A.maximum(A.T).maximum(0))
+    excess.setdiag(0)
+    return A - excess + sp.diags_array(excess.sum(axis=1))
 
 
 def _solve(

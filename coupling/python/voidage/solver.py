@@ -109,6 +109,10 @@ class Heat:
     """Whether storage and exchange are lumped in the Galerkin equations: storage and thin cell by the
     vertex rule, the grains by the sums of the rows. Temperatures then keep their bounds where the
     exchange over a cell outweighs its diffusion."""
+    monotone: bool = False
+    """Whether no temperature leaves the range of those around it: instead of streamline diffusion the
+    matrix gets the least symmetric diffusion between neighbours that leaves no positive entry beside
+    the diagonal. Comes with ``lumped``."""
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,11 @@ pub struct FluidHeat {
     /// grains, walls and inflow where the exchange is strong. Default false: the consistent form of Henry et al.
     #[serde(default)]
     pub lumped: bool,
+    /// Whether temperatures never leave the range of those around them, also at fronts that the flow carries: lumped, with the
+    /// diffusion between neighbours that this takes in place of the streamline diffusion, which lets fronts overshoot. Smears
+    /// fronts more. Default false.
+    #[serde(default)]
+    pub monotone: bool,
 }
 
 /// Front and rear walls of a thin cell, averaged over its thickness.

@@ -66,7 +66,13 @@ fn bed(cells: usize) -> Result<(Coupled<2>, f64, f64)> {
         .flow("top", FlowCondition::Slip);
     set.conditions[0].heat = HeatCondition::Temperature(Prescribed::Uniform(HOT));
     set.conditions[1].heat = HeatCondition::Open { temperature: None };
-    let scalar = Scalar { capacity: DENSITY * CAPACITY, conductivity: 1e-6, thin_cell: None, lumped: false };
+    let scalar = Scalar {
+        capacity: DENSITY * CAPACITY,
+        conductivity: 1e-6,
+        thin_cell: None,
+        lumped: false,
+        monotone: false,
+    };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: COLD });
     let thermal = ThermalFluid { conductivity: 0.026, prandtl: 0.7 };
     let mut laws = set.laws(Some(thermal));

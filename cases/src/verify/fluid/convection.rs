@@ -35,7 +35,7 @@ fn solve(rayleigh: f64, squares: usize) -> Result<(f64, [f64; 2])> {
     crowd_at_walls(&mut mesh, 0.8);
     let mut set = FluidSet::new(1.0, PRANDTL);
     set.properties.gravity = Vec2::new(0.0, -rayleigh * PRANDTL);
-    let scalar = Scalar { capacity: 1.0, conductivity: 1.0, thin_cell: None, lumped: false };
+    let scalar = Scalar { capacity: 1.0, conductivity: 1.0, thin_cell: None, lumped: false, monotone: false };
     set.heat = Some(HeatProperties { scalar, expansion: 1.0, reference: 0.0 });
     for condition in &mut set.conditions {
         match condition.boundary.as_str() {

@@ -201,6 +201,7 @@ impl Run {
             conductivity: self.fluid.conductivity,
             thin_cell: None,
             lumped: self.lumped,
+            monotone: false,
         };
         set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
         self.prescribe(&mut set, &mesh, 0.0);

@@ -27,7 +27,7 @@ fn growth(rayleigh: f64, squares: usize) -> Result<f64> {
     let mut set =
         FluidSet::new(1.0, 1.0).flow("left", FlowCondition::Slip).flow("right", FlowCondition::Slip);
     set.properties.gravity = Vec2::new(0.0, -rayleigh);
-    let scalar = Scalar { capacity: 1.0, conductivity: 1.0, thin_cell: None, lumped: false };
+    let scalar = Scalar { capacity: 1.0, conductivity: 1.0, thin_cell: None, lumped: false, monotone: false };
     set.heat = Some(HeatProperties { scalar, expansion: 1.0, reference: 0.5 });
     for condition in &mut set.conditions {
         match condition.boundary.as_str() {

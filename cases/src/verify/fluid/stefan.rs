@@ -73,8 +73,13 @@ fn heat(mesh: &Mesh<2>, state: &State<2>) -> f64 {
 fn solve(wall: f64, rings: usize) -> Result<(f64, Flow<2, 3>)> {
     let mesh = annulus(DISC, WALL, rings, 4 * rings);
     let mut set = FluidSet::new(DENSITY, VISCOSITY);
-    let scalar =
-        Scalar { capacity: DENSITY * CAPACITY, conductivity: CONDUCTIVITY, thin_cell: None, lumped: false };
+    let scalar = Scalar {
+        capacity: DENSITY * CAPACITY,
+        conductivity: CONDUCTIVITY,
+        thin_cell: None,
+        lumped: false,
+        monotone: false,
+    };
     set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: BOILING });
     let directions: Vec<Vec2> = mesh.points.iter().map(|x| x.normalize()).collect();
     let blowing = |rate: f64| {
