@@ -215,7 +215,7 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
     if panel.curves.iter().any(|curve| !curve.name.is_empty()) {
         chart
             .configure_series_labels()
-            .position(emptiest(&curves, [left, low, right, high]))
+            .position(emptiest(&curves, [left, low, right, high], panel.headroom > 0.0))
             .margin(pixels(8))
             .legend_area_size(pixels(30))
             .label_font(text(14))
@@ -266,8 +266,12 @@ fn stroke(
     Ok(())
 }
 
-/// The place with the fewest points near it: where the legend hides least.
-fn emptiest(curves: &[Vec<(f64, f64)>], [left, low, right, high]: [f64; 4]) -> SeriesLabelPosition {
+/// The place with the fewest points near it, where the legend hides least; above, if there is room for it.
+fn emptiest(
+    curves: &[Vec<(f64, f64)>],
+    [left, low, right, high]: [f64; 4],
+    above: bool,
+) -> SeriesLabelPosition {
     let near = |column: usize, upper: bool| {
         let inside = |(x, y): &&(f64, f64)| {
             let (across, up) = ((x - left) / (right - left), (y - low) / (high - low));
@@ -279,16 +283,17 @@ fn emptiest(curves: &[Vec<(f64, f64)>], [left, low, right, high]: [f64; 4]) -> S
             |curve: &Vec<(f64, f64)>| curve.iter().filter(inside).count() as f64 / curve.len().max(1) as f64;
         curves.iter().map(share).sum::<f64>()
     };
-    let corners = [
-        (SeriesLabelPosition::UpperRight, near(2, true)),
-        (SeriesLabelPosition::UpperLeft, near(0, true)),
-        (SeriesLabelPosition::LowerRight, near(2, false)),
-        (SeriesLabelPosition::LowerLeft, near(0, false)),
-        (SeriesLabelPosition::UpperMiddle, near(1, true)),
-        (SeriesLabelPosition::LowerMiddle, near(1, false)),
+    let places = [
+        (SeriesLabelPosition::UpperRight, 2, true),
+        (SeriesLabelPosition::UpperLeft, 0, true),
+        (SeriesLabelPosition::LowerRight, 2, false),
+        (SeriesLabelPosition::LowerLeft, 0, false),
+        (SeriesLabelPosition::UpperMiddle, 1, true),
+        (SeriesLabelPosition::LowerMiddle, 1, false),
     ];
-    let best = corners.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    best.map_or(SeriesLabelPosition::UpperRight, |(corner, _)| corner)
+    let allowed = places.into_iter().filter(|(_, _, upper)| *upper || !above);
+    let best = allowed.min_by(|a, b| near(a.1, a.2).total_cmp(&near(b.1, b.2)));
+    best.map_or(SeriesLabelPosition::UpperRight, |(place, ..)| place)
 }
 
 /// Labels of an axis; powers of ten on a logarithmic one, plain numbers where it spans little.
