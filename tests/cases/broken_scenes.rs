@@ -228,6 +228,15 @@ const MISTAKES: &[Mistake] = &[
         &["relaxation", "above 0 and at most 1"],
     ),
     mistake(
+        "a mesh made anew after no step",
+        [
+            "[fluid.heat]",
+            "[fluid.mesh_motion]\namplitude = [1e-4, 0.0]\nfrequency = 1.0\nremesh = { every = 0 }\n\n[fluid.heat]",
+        ],
+        "remesh",
+        &["fluid.mesh_motion.remesh.every = 0", "above 0"],
+    ),
+    mistake(
         "no step fits",
         ["end = 0.04", "end = 1e-4"],
         "end = 1e-4",
