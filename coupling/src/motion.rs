@@ -48,8 +48,8 @@ impl Swing<2> {
         Ok(Self { rest, weight, amplitude, rate, origin: 0.0, velocity: Vec::new() })
     }
 
-    /// Whether one mesh can follow all of the swing. The nodes move along straight lines and each cell's measure is a square polynomial of sin(2 pi f t): where it is
-    /// positive at both ends and at its least between them, it always is.
+    /// Whether one mesh can follow all of the swing. The nodes move along straight lines and each cell's measure is a square
+    /// polynomial of sin(2 pi f t): where it is positive at both ends and at its least between them, it always is.
     ///
     /// # Errors
     /// A cell turns over on the way.
