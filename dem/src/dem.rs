@@ -257,9 +257,11 @@ impl<const D: usize> Dem<D> {
                 break;
             }
             report.repeats += 1;
-            self.after.resize(self.particles.len(), Vector::zeros());
+            // Those of all attempts: the solution of a wider search may be slow where the one before was not, and again.
+            let known = self.after.len();
+            self.after.resize(known + self.particles.len(), Vector::zeros());
             for (slot, &i) in search.grid.order.iter().enumerate() {
-                self.after[i as usize] = problem.bodies.velocity(slot);
+                self.after[known + i as usize] = problem.bodies.velocity(slot);
             }
             self.memory.store(self.particles.len(), h, self.settings.cohesion.is_some(), || {
                 search.records(&problem, false)

@@ -43,8 +43,8 @@ struct Near {
 }
 
 impl<const D: usize> Search<D> {
-    /// Bodies and contacts of a sub-step, warm from `memory`. `after` are final velocities that an earlier
-    /// attempt found outside of what it had assumed (else empty).
+    /// Bodies and contacts of a sub-step, warm from `memory`. `after` are the final velocities of all
+    /// grains in each earlier attempt, which found some outside of what it had assumed.
     pub fn prepare(
         &mut self,
         scene: &Scene<D>,
@@ -92,7 +92,7 @@ impl<const D: usize> Search<D> {
             let cell = self.grid.coarse_of(&p.position[i]);
             self.spread.add(cell, &p.velocity[i]);
             self.spread.add(cell, &expected(scene, i, bodies.velocity(slot)));
-            if let Some(v) = after.get(i) {
+            for v in after.iter().skip(i).step_by(p.len()) {
                 self.spread.add(cell, v);
             }
         }

@@ -5,7 +5,7 @@
 
 use crate::bodies::Bodies;
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
-use crate::interior;
+use crate::interior::{self, Free, Friction};
 use crate::momentum::Momentum;
 use crate::space::Vector;
 use rayon::prelude::*;
@@ -154,24 +154,25 @@ impl<const D: usize> Problem<D> {
             return first;
         }
         let mut judge = |problem: &mut Self| problem.look_closely::<L>(stopping, grains).excess(stopping);
-        interior::solve(self, grains, false, &mut judge);
-        if L::FRICTION && self.closing::<L>(stopping, grains) > 1.0 {
-            interior::solve(self, grains, true, &mut judge);
+        let free = Free::new(self, grains);
+        let mut lacks = f64::MAX;
+        for friction in [Friction::Follows, Friction::Held, Friction::Out] {
+            // Forces may stay unsolved; that no grain closes may not.
+            if lacks * stopping.tolerance > 1.0 && (L::FRICTION || friction == Friction::Follows) {
+                lacks = interior::solve(self, &free, friction, &mut judge);
+            }
         }
-        let mut outcome = self.look_closely::<L>(stopping, grains);
         let mut again = 0;
-        if !outcome.solved(stopping) {
+        if lacks > 1.0 {
             let impulses: Vec<Vector<D>> = self.contacts.iter().map(|c| c.impulse).collect();
             let state = self.bodies.state();
-            let second = self.sweeps::<L>(stopping, grains);
-            again = second.sweeps;
-            if second.excess(stopping) < outcome.excess(stopping) {
-                outcome = second;
-            } else {
+            again = self.sweeps::<L>(stopping, grains).sweeps;
+            if free.judge(self, &mut judge) >= lacks {
                 self.contacts.iter_mut().zip(&impulses).for_each(|(c, p)| c.impulse = *p);
                 self.bodies.set_state(&state);
             }
         }
+        let outcome = self.look_closely::<L>(stopping, grains);
         Outcome { sweeps: first.sweeps + again, ..outcome }
     }
 

@@ -143,12 +143,19 @@ impl<const B: usize> Factors for Blocks<B> {
             let Some(inverse) = invert(self.pivots[k]) else { return false };
             self.pivots[k] = inverse;
             let range = self.starts[k]..self.starts[k + 1];
+            self.below[range.clone()].iter_mut().for_each(|block| *block *= inverse);
             for a in range.clone() {
-                self.below[a] *= inverse;
-                for b in range.clone() {
-                    let change = self.below[a] * self.right[b];
-                    let target = self.target(self.later[a], self.later[b]);
-                    *self.at(target) -= change;
+                let (first, below, right) = (self.later[a], self.below[a], self.right[a]);
+                self.pivots[first] -= below * right;
+                // Later neighbours of k are later neighbours of the first of them, in the same order.
+                let mut place = self.starts[first];
+                for b in a + 1..range.end {
+                    while self.later[place] != self.later[b] {
+                        place += 1;
+                    }
+                    let [along, down] = [below * self.right[b], self.below[b] * right];
+                    self.right[place] -= along;
+                    self.below[place] -= down;
                 }
             }
         }

@@ -23,13 +23,17 @@
 //! unsymmetric and, with strong friction, indefinite, so that steps may stall at the boundary. A step cut short is followed by one to
 //! the centre with half of D_tn, until steps are long again; without D_tn the system is that of a convex problem. All other steps
 //! are taken twice with one factorisation (Mehrotra's predictor and corrector). The best point met is kept. Ten to thirty
-//! factorisations solve beds whose masses differ by 1e6; what remains unsolved after `STEPS` is reported as such.
+//! factorisations solve beds whose masses differ by 1e6; what remains unsolved after `STEPS` is reported as such. Where grains
+//! would pass into each other because Coulomb's law was not met, the bounds of friction are held, and if they ask for stresses
+//! beside which nothing else counts, friction is left out of the sub-step: the problem is convex then, and rest is one of the points
+//! that it allows.
 //!
 //! In space the disc of friction is replaced by the square in it; the sweeps that follow make up for that.
 
 mod factors;
 mod row;
 
+use crate::contact::Contact;
 use crate::solver::{Grains, Problem};
 use crate::space::Vector;
 use factors::Factors;
@@ -46,10 +50,26 @@ const SHORT: f64 = 0.1;
 const START: f64 = 10.0;
 /// Share of what counts as solved at which to stop: the next step starts from there, and must not need this again.
 const GOAL: f64 = 1e-2;
+/// Contacts that would take this multiple of the fastest approach to close are left out until something closes them: a search
+/// that was widened for one fast grain lists a hundred times as many contacts as there are.
+const FAR: f64 = 10.0;
+/// Times that contacts left out are added.
+const ROUNDS: usize = 3;
 /// Impulses over the momenta that they give, in the 2-norm: a column of n grains under its own weight has about n / 3.
 const BRACED: f64 = 100.0;
 /// Products over those at the start at which nothing is left to gain.
 const END: f64 = 1e-18;
+
+/// What becomes of friction.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Friction {
+    /// Its bound follows the normal impulse: Coulomb's law.
+    Follows,
+    /// Its bound is that of the impulses at the start.
+    Held,
+    /// There is none.
+    Out,
+}
 
 /// Everything at a point.
 struct Interior<const D: usize> {
@@ -66,8 +86,9 @@ struct Interior<const D: usize> {
 }
 
 impl<const D: usize> Interior<D> {
-    /// The problem without its impulses, at a point in the interior; none if nothing approaches.
-    fn new(problem: &Problem<D>, held: bool) -> Option<Self> {
+    /// The problem without its impulses, at a point in the interior; none if nothing approaches. Contacts that what approaches
+    /// may close are added to the `taken` ones, and make up the problem with them.
+    fn new(problem: &Problem<D>, friction: Friction, taken: &mut [bool]) -> Option<Self> {
         let bodies = &problem.bodies;
         let size = D + usize::from(bodies.spins());
         let (mut unknown, mut free, mut inertia) = (vec![FIXED; bodies.len()], vec![], vec![]);
@@ -82,8 +103,8 @@ impl<const D: usize> Interior<D> {
             }
         }
         let cohesion = |k: usize| problem.cohesion.get(k).copied().unwrap_or(0.0);
-        let rows: Vec<Row<D>> = (problem.contacts.iter().enumerate())
-            .map(|(k, c)| Row::new(bodies, c, cohesion(k), &unknown, held))
+        let mut rows: Vec<Row<D>> = (problem.contacts.iter().enumerate())
+            .map(|(k, c)| Row::new(bodies, c, cohesion(k), &unknown, friction))
             .collect();
         // p_n = q - c: the pull of cohesion is one of the forces.
         let mut pull = vec![0.0; free.len()];
@@ -99,6 +120,11 @@ impl<const D: usize> Interior<D> {
         if approach <= 0.0 {
             return None;
         }
+        taken.iter_mut().zip(&rows).for_each(|(taken, row)| *taken |= row.base[0] < FAR * approach);
+        let mut each = taken.iter();
+        rows.retain(|_| each.next() == Some(&true));
+        let mut each = taken.iter();
+        u.retain(|_| each.next() == Some(&true));
         let tau = START * inertia.iter().fold(0.0, |most: f64, m| most.max(*m)) * approach * approach;
         let start = |(row, u): (&Row<D>, &[f64; D])| {
             let w = u[0].max(approach);
@@ -207,59 +233,132 @@ impl<const D: usize> Interior<D> {
 }
 
 /// Leads the problem to a solution. `judge` tells what its impulses and velocities lack (solved up to 1); those of the best point
-/// stay. With `held` the bounds of friction are those of the impulses at the start: the problem is then convex, and no grain
-/// passes through another.
+/// stay, and what they lack is returned. With any `friction` but Coulomb's the problem is convex and has a solution, in which no
+/// grain passes through another.
 pub(crate) fn solve<const D: usize>(
     problem: &mut Problem<D>,
-    grains: &Grains<D>,
-    held: bool,
+    free: &Free<D>,
+    friction: Friction,
     judge: &mut dyn FnMut(&mut Problem<D>) -> f64,
-) {
+) -> f64 {
     let warm: Vec<Vector<D>> = problem.contacts.iter().map(|c| c.impulse).collect();
-    let mut best = (judge(problem), warm);
-    (grains.free)(&problem.bodies);
-    let free = problem.bodies.state();
-    if let Some(mut at) = Interior::new(problem, held) {
-        let (mut values, start) = (vec![], at.mean(None, 0.0));
-        let mut factors = factors::factors(at.size, at.v.len() / at.size, &at.places());
-        for _ in 0..STEPS {
-            at.values(&mut values);
-            if !factors.factor(&values) {
-                break;
-            }
-            newton(&mut at, factors.as_ref());
-            for (c, (row, x)) in problem.contacts.iter_mut().zip(at.rows.iter().zip(&at.points)) {
-                c.impulse = row.impulse(x);
-            }
-            problem.bodies.set_state(&free);
-            problem.apply_impulses();
-            let judged = if braced(problem, &free) { f64::MAX } else { judge(problem) };
-            let better = judged < best.0;
-            if better {
-                best.0 = judged;
-                best.1.iter_mut().zip(&problem.contacts).for_each(|(p, c)| *p = c.impulse);
-            }
-            // A solved point stands as soon as a step does not better it.
-            let done = judged <= GOAL || (best.0 <= 1.0 && !better);
-            if done || !judged.is_finite() || at.mean(None, 0.0) < END * start {
-                break;
-            }
+    let mut best = (free.judge(problem, judge), warm);
+    let mut taken = vec![false; problem.contacts.len()];
+    for _ in 0..ROUNDS {
+        problem.bodies.set_state(&free.state);
+        if let Some(at) = Interior::new(problem, friction, &mut taken) {
+            lead(at, problem, &taken, free, judge, &mut best);
+        }
+        problem.bodies.set_state(&free.state);
+        problem.contacts.iter_mut().zip(&best.1).for_each(|(c, p)| c.impulse = *p);
+        problem.apply_impulses();
+        let mut more = false;
+        for ((taken, c), u) in taken.iter_mut().zip(&problem.contacts).zip(relative(problem)) {
+            let left_out = !*taken && u.dot(&c.normal) + c.bias < 0.0;
+            *taken |= left_out;
+            more |= left_out;
+        }
+        if !more {
+            break;
         }
     }
-    problem.bodies.set_state(&free);
-    problem.contacts.iter_mut().zip(&best.1).for_each(|(c, p)| c.impulse = *p);
-    problem.apply_impulses();
+    best.0
 }
 
-/// Whether grains press against each other far more than what acts on them asks for. With strong friction there are such
-/// stresses, of any size, and beside them any error looks small.
-fn braced<const D: usize>(problem: &Problem<D>, free: &[(Vector<D>, f64)]) -> bool {
+/// Velocities without contacts: of bodies, and between those of each contact.
+pub(crate) struct Free<const D: usize> {
+    state: Vec<(Vector<D>, f64)>,
+    relative: Vec<Vector<D>>,
+}
+
+impl<const D: usize> Free<D> {
+    /// Leaves the problem as it is.
+    pub fn new(problem: &Problem<D>, grains: &Grains<D>) -> Self {
+        let now = problem.bodies.state();
+        (grains.free)(&problem.bodies);
+        let free = Self { state: problem.bodies.state(), relative: relative(problem) };
+        problem.bodies.set_state(&now);
+        free
+    }
+
+    /// What the problem lacks; all, where its impulses are no solution whatever the error of each.
+    pub fn judge(&self, problem: &mut Problem<D>, judge: &mut dyn FnMut(&mut Problem<D>) -> f64) -> f64 {
+        if self.braced(problem) || self.gains(problem) { f64::MAX } else { judge(problem) }
+    }
+
+    /// Whether grains press against each other far more than what acts on them asks for. With strong friction there are such
+    /// stresses, of any size, and beside them any error looks small.
+    fn braced(&self, problem: &Problem<D>) -> bool {
+        let bodies = &problem.bodies;
+        let changes = self.state.iter().enumerate().filter(|(i, _)| bodies.mobility(*i) > 0.0);
+        let gained: f64 =
+            changes.map(|(i, (v, _))| ((bodies.velocity(i) - v) / bodies.mobility(i)).norm_squared()).sum();
+        let pressed: f64 = problem.contacts.iter().map(|c| c.impulse.norm_squared()).sum();
+        pressed > BRACED * BRACED * gained
+    }
+
+    /// Whether contacts give energy, p (u + u_free) / 2 in sum, beyond that of all grains at the fastest speed that takes an
+    /// overlap back: far from a solution they may.
+    fn gains(&self, problem: &Problem<D>) -> bool {
+        let bodies = &problem.bodies;
+        let work =
+            |((c, after), before): ((&Contact<D>, Vector<D>), &Vector<D>)| c.impulse.dot(&(after + before));
+        let worked: f64 = problem.contacts.iter().zip(relative(problem)).zip(&self.relative).map(work).sum();
+        let fastest = problem.contacts.iter().fold(0.0, |most: f64, c| most.max(-c.bias));
+        let moving = (0..bodies.len()).map(|i| bodies.mobility(i)).filter(|mobility| *mobility > 0.0);
+        worked > fastest * fastest * moving.map(|mobility| 1.0 / mobility).sum::<f64>()
+    }
+}
+
+fn relative<const D: usize>(problem: &Problem<D>) -> Vec<Vector<D>> {
     let bodies = &problem.bodies;
-    let changes = free.iter().enumerate().filter(|(i, _)| bodies.mobility(*i) > 0.0);
-    let gained: f64 =
-        changes.map(|(i, (v, _))| ((bodies.velocity(i) - v) / bodies.mobility(i)).norm_squared()).sum();
-    let pressed: f64 = problem.contacts.iter().map(|c| c.impulse.norm_squared()).sum();
-    pressed > BRACED * BRACED * gained
+    let each = |c: &Contact<D>| {
+        let (i, j) = (c.i as usize, c.j as usize);
+        if bodies.spins() {
+            bodies.relative::<true>(i, j, &c.normal)
+        } else {
+            bodies.relative::<false>(i, j, &c.normal)
+        }
+    };
+    problem.contacts.iter().map(each).collect()
+}
+
+/// From one point towards the solution of the contacts taken; `best` keeps what was judged best, and its impulses.
+fn lead<const D: usize>(
+    mut at: Interior<D>,
+    problem: &mut Problem<D>,
+    taken: &[bool],
+    free: &Free<D>,
+    judge: &mut dyn FnMut(&mut Problem<D>) -> f64,
+    best: &mut (f64, Vec<Vector<D>>),
+) {
+    let (mut values, start) = (vec![], at.mean(None, 0.0));
+    let mut factors = factors::factors(at.size, at.v.len() / at.size, &at.places());
+    for _ in 0..STEPS {
+        at.values(&mut values);
+        if !factors.factor(&values) {
+            break;
+        }
+        newton(&mut at, factors.as_ref());
+        let mut inside = at.rows.iter().zip(&at.points);
+        for (c, taken) in problem.contacts.iter_mut().zip(taken) {
+            let point = if *taken { inside.next() } else { None };
+            c.impulse = point.map_or(Vector::zeros(), |(row, x)| row.impulse(x));
+        }
+        problem.bodies.set_state(&free.state);
+        problem.apply_impulses();
+        let judged = free.judge(problem, judge);
+        let better = judged < best.0;
+        if better {
+            best.0 = judged;
+            best.1.iter_mut().zip(&problem.contacts).for_each(|(p, c)| *p = c.impulse);
+        }
+        // A solved point stands as soon as a step does not better it.
+        let done = judged <= GOAL || (best.0 <= 1.0 && !better);
+        if done || !judged.is_finite() || at.mean(None, 0.0) < END * start {
+            break;
+        }
+    }
 }
 
 /// One step; to the centre, or with predictor and corrector.

@@ -1,5 +1,6 @@
 //! One contact of the interior-point method: its rows, a point inside, and its part of a Newton step.
 
+use super::Friction;
 use crate::bodies::Bodies;
 use crate::contact::Contact;
 use crate::space::{Vector, tangent, turned};
@@ -73,14 +74,15 @@ pub(super) struct Slopes<const D: usize> {
 }
 
 impl<const D: usize> Row<D> {
-    pub fn new(bodies: &Bodies<D>, c: &Contact<D>, cohesion: f64, unknown: &[usize], held: bool) -> Self {
+    pub fn new(bodies: &Bodies<D>, c: &Contact<D>, cohesion: f64, unknown: &[usize], law: Friction) -> Self {
         let along: [Vector<D>; D] =
             std::array::from_fn(|k| if k == 0 { c.normal } else { tangent(&c.normal, k - 1) });
         let arm = std::array::from_fn(|k| turned(&c.normal).dot(&along[k]));
         let slots = [c.i as usize, c.j as usize];
         let place = slots.map(|s| unknown[s]);
         let mut base = [0.0; D];
-        base[0] = c.bias;
+        // Overlaps may lock grains in such a way that nothing takes all of them back.
+        base[0] = if law == Friction::Follows { c.bias } else { c.bias.max(0.0) };
         for (side, &slot) in slots.iter().enumerate().filter(|(side, _)| place[*side] == FIXED) {
             let sign = if side == 0 { -1.0 } else { 1.0 };
             let surface = if bodies.spins() { bodies.surface(slot) } else { 0.0 };
@@ -91,7 +93,11 @@ impl<const D: usize> Row<D> {
         // The square in the disc of friction; in the plane both are one segment.
         let friction = c.friction / ((D - 1) as f64).sqrt();
         let bound = friction * (c.impulse.dot(&c.normal) + cohesion);
-        let (friction, bound) = if held { (0.0, bound) } else { (friction, 0.0) };
+        let (friction, bound) = match law {
+            Friction::Follows => (friction, 0.0),
+            Friction::Held => (0.0, bound),
+            Friction::Out => (0.0, 0.0),
+        };
         Self { along, arm, place, base, friction, bound, cohesion }
     }
 

@@ -1,5 +1,6 @@
 //! The interior-point method against theory, and against sweeps to the last digits.
 
+use crate::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
 use crate::{Cohesion, Dem, Load, Material, Particles, Settings, StepReport, Vector, Wall};
 
 type V = Vector<2>;
@@ -103,4 +104,46 @@ fn it_works_in_space() {
     let before: Vector<3> =
         p.velocity.iter().zip(&p.mass).map(|(v, m)| (v + place(0.0, 0.0, -0.0981)) * *m).sum();
     assert!((momentum - before).norm() < 1e-9 * before.norm() && report.contacts > 0, "{momentum} {before}");
+}
+
+/// Coulomb's law with friction 10 between masses 1e6 apart is beyond every sweep and many a Newton step. Grains were let into each other by
+/// their radius then: a search that was widened forgot what the one before had found, and bounds of friction were held at stresses
+/// that could not be told from a solution. Energy grew with what took the overlaps back.
+#[test]
+fn grains_passed_into_each_other_where_friction_was_not_solved() {
+    let (friction, step) = (10.0, 1e-3);
+    let material = rubbing(friction);
+    for count in [40, 80] {
+        let (radius, width) = (5e-4, 1e-3 * f64::from(count).sqrt());
+        let region = Region { low: V::zeros(), high: V::new(width, width) };
+        let fill = Fill {
+            radii: Radii::List(vec![radius; count as usize]),
+            amount: Amount::Count(count as usize),
+            material: 0,
+            materials: std::slice::from_ref(&material),
+            seed: 3,
+        };
+        let how = Deposit { friction: None, rest: 0.0, max_steps: 1 };
+        let mut p = deposit(&region, &fill, &how).unwrap().particles.rotating();
+        p.mass.iter_mut().step_by(5).for_each(|m| *m *= 1e6);
+        let corners = [V::new(0.0, 1.0), V::zeros(), V::new(width, 0.0), V::new(width, 1.0)];
+        let wall = |ends: &[V]| Wall { friction, ..Wall::new("box", ends[0], ends[1]) };
+        let walls = corners.windows(2).map(wall).collect();
+        let settings = Settings { interior: true, ..Settings::default() };
+        let mut dem = Dem::new(p, walls, vec![material.clone()], settings).unwrap();
+        let energy = |p: &Particles<2>| -> f64 {
+            let each = p.mass.iter().zip(&p.velocity).zip(&p.position);
+            each.map(|((m, v), x)| m * (0.5 * v.norm_squared() + 9.81 * x.y)).sum()
+        };
+        let start = energy(&dem.particles);
+        let mut unsolved = 0;
+        for k in 0..60 {
+            let report = dem.step(step, &Load::default());
+            let [deepest, now] = [report.max_penetration_over_radius, energy(&dem.particles)];
+            assert!(deepest < 1e-2, "{count} grains, step {k}: {report:?}");
+            assert!(now <= start * (1.0 + 1e-9), "{count} grains, step {k}: {now} J of {start} J");
+            unsolved += u32::from(!report.converged);
+        }
+        assert!(unsolved > 5, "{count} grains: sweeps suffice, the test tests nothing");
+    }
 }
