@@ -18,6 +18,16 @@ use voidage_fluid::{Flow, Mesh};
 /// A vector of the plane.
 pub type Vec2 = SVector<f64, 2>;
 
+/// Where something that grows from 0 on leaves off being `below`: [0, high] halved so many times.
+pub fn bisect(high: f64, halvings: usize, below: impl Fn(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (0.0, high);
+    for _ in 0..halvings {
+        let middle = 0.5 * (low + high);
+        if below(middle) { low = middle } else { high = middle }
+    }
+    low
+}
+
 /// A regular mesh of a box from the origin, its sides called left, right, bottom and top.
 pub fn grid(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
     box_mesh(size, squares, Diagonals::Alternating)

@@ -93,9 +93,7 @@ impl<const D: usize> Coupled<D> {
         fluid.mesh = Arc::new(renewed.mesh);
         fluid.backend.start(&fluid.mesh, &fields)?;
         fluid.nodal_volume = fluid.mesh.nodal_volume();
-        if let Some(interaction) = &mut self.interaction {
-            interaction.overlap = Overlap::new(&fluid.mesh)?;
-        }
+        self.search_anew()?;
         report.renewed = true;
         report.phases.remesh += start.elapsed().as_secs_f64();
         self.cut_grains(report)
@@ -118,7 +116,12 @@ impl<const D: usize> Coupled<D> {
         let Some(renewal) = &mut fluid.renewal else { return Ok(()) };
         (renewal.spacing, renewal.last) = (anew.spacing, anew.last);
         (fluid.mesh, fluid.motion) = (Arc::new(anew.mesh), anew.motion);
-        if let Some(interaction) = &mut self.interaction {
+        self.search_anew()
+    }
+
+    /// Grains are looked for on the mesh of now.
+    fn search_anew(&mut self) -> Result<()> {
+        if let (Some(fluid), Some(interaction)) = (&self.fluid, &mut self.interaction) {
             interaction.overlap = Overlap::new(&fluid.mesh)?;
         }
         Ok(())

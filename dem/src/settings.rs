@@ -54,7 +54,8 @@ pub struct Settings<const D: usize> {
 }
 
 impl<const D: usize> Default for Settings<D> {
-    /// Earth's gravity along the last axis, relative natural map 1e-4, at most 1000 sweeps, half a radius per sub-step.
+    /// Earth's gravity along the last axis, relative natural map 1e-4, at most 1000 sweeps, half a radius per sub-step,
+    /// at most 1000 of them.
     fn default() -> Self {
         let mut gravity = Vector::zeros();
         gravity[D - 1] = -9.81;
@@ -63,7 +64,7 @@ impl<const D: usize> Default for Settings<D> {
             tolerance: 1e-4,
             max_sweeps: 1000,
             max_travel: 0.5,
-            max_substeps: 100,
+            max_substeps: 1000,
             overlap_share: 0.2,
             acceleration: Acceleration::default(),
             interior: false,

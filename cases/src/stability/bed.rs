@@ -9,7 +9,7 @@
 //! when A (B - 1) > 2 (1 + B) (physics.md, section 5).
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
-use crate::models::{FluidSet, Vec2, grid};
+use crate::models::{FluidSet, Vec2, bisect, grid};
 use crate::verify::Effort;
 use std::collections::VecDeque;
 use tracing::warn;
@@ -174,12 +174,8 @@ impl Bed {
         let weight = particles.mass.iter().sum::<f64>() * self.gravity() / width;
         let drop =
             |speed: f64| (1.0 - voidage) * self.drag(speed, voidage) * speed / (voidage * voidage) * height;
-        let (mut low, mut high) = (0.0, 10.0);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if drop(middle) < weight { low = middle } else { high = middle }
-        }
-        let mut lying = Lying { particles, material, voidage, fluidisation: low, weight };
+        let fluidisation = bisect(10.0, 60, |speed| drop(speed) < weight);
+        let mut lying = Lying { particles, material, voidage, fluidisation, weight };
         for _ in 0..REFINED {
             // The nodal voidage at the ends of the bed is above its mean, and the drop below that of the mean.
             let speed = lying.fluidisation;

@@ -6,7 +6,7 @@
 //! a handful comes to lie is chance. The short steps are those in which a lone grain falls by a fiftieth of its diameter, with the default scheme.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
-use crate::models::{FluidSet, Vec2, grid};
+use crate::models::{FluidSet, Vec2, bisect, grid};
 use crate::verify::Effort;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -179,12 +179,7 @@ impl Suspension {
 
     /// Terminal velocity of a lone grain, m/s.
     fn terminal(&self) -> f64 {
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..100 {
-            let middle = 0.5 * (low + high);
-            if self.drag(middle) * middle < (SOLID - FLUID) * GRAVITY { low = middle } else { high = middle }
-        }
-        low
+        bisect(1.0, 100, |speed| self.drag(speed) * speed < (SOLID - FLUID) * GRAVITY)
     }
 
     pub(super) fn relaxation(&self) -> f64 {

@@ -7,7 +7,7 @@
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::GAS;
 use super::mesh::outflow;
-use crate::models::{Vec2, alike};
+use crate::models::{Vec2, alike, bisect};
 use crate::verify::Effort;
 use voidage_coupling::closure::ThermalFluid;
 use voidage_coupling::scheme::SchemeName;
@@ -136,12 +136,7 @@ impl Worst {
 
 /// Terminal velocity of a lone grain, m/s.
 fn terminal() -> f64 {
-    let (mut low, mut high) = (0.0, 10.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if GAS.drag(middle, 1.0) * middle < GAS.solid * GAS.gravity() { low = middle } else { high = middle }
-    }
-    low
+    bisect(10.0, 60, |speed| GAS.drag(speed, 1.0) * speed < GAS.solid * GAS.gravity())
 }
 
 fn system(speed: f64, scheme: SchemeName) -> Result<Coupled<2>> {

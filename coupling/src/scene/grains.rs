@@ -260,7 +260,7 @@ pub struct Contacts {
     pub interior: bool,
     /// Share of its radius that a grain may cross in one sub-step. Default 0.5.
     pub max_travel: f64,
-    /// Most sub-steps of a step. Default 100.
+    /// Most sub-steps of a step: what is left then is gone in the last, and who flies far in it may pass into others. Default 1000.
     pub max_substeps: usize,
     /// Whether grains spin. Default true.
     pub rotation: bool,
@@ -280,7 +280,7 @@ impl Default for Contacts {
             max_sweeps: 1000,
             interior: false,
             max_travel: 0.5,
-            max_substeps: 100,
+            max_substeps: 1000,
             rotation: true,
             conduction: None,
             cohesion: None,

@@ -1,6 +1,6 @@
 //! The front of a settling suspension.
 
-use crate::models::{FluidSet, Vec2, alike, parallel};
+use crate::models::{FluidSet, Vec2, alike, bisect, parallel};
 use crate::plot::panels::{Curve, Panel};
 use crate::verify::grains::scene::line;
 use crate::verify::{Case, Effort, Finding, Outcome};
@@ -67,13 +67,8 @@ impl Suspension {
     /// Speed of the grains, m/s: the balance of one grain, solved by bisection.
     fn speed(&self, laws: &Laws) -> f64 {
         let voidage = 1.0 - self.share;
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..200 {
-            let middle = 0.5 * (low + high);
-            let light = self.drag(laws, middle) * middle < voidage * (SOLID - FLUID) * GRAVITY;
-            if light { low = middle } else { high = middle }
-        }
-        voidage * low
+        let weight = voidage * (SOLID - FLUID) * GRAVITY;
+        voidage * bisect(1.0, 200, |speed| self.drag(laws, speed) * speed < weight)
     }
 
     /// Distance between grains, m.
