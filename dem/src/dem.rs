@@ -152,9 +152,14 @@ impl<const D: usize> Dem<D> {
         let mut report = StepReport { converged: true, ..StepReport::default() };
         let (start, mut left) = (self.time, dt);
         loop {
-            let count = self.substeps(left, load).min(self.settings.max_substeps - report.substeps).max(1);
+            let (wanted, most) = (self.substeps(left, load), self.settings.max_substeps - report.substeps);
+            let count = wanted.min(most).max(1);
             let h = left / count as f64;
             self.substep(h, load, count == 1, &mut report);
+            if count < wanted {
+                // Grains that their contacts hold have not gone where forces alone would have taken them.
+                report.converged &= self.travel(h, |i| self.particles.velocity[i].norm_squared()) <= 1.0;
+            }
             left -= h;
             self.time = start + (dt - left);
             if count == 1 {
@@ -206,13 +211,16 @@ impl<const D: usize> Dem<D> {
     /// Sub-steps in which no grain crosses more than the allowed share of its radius, judged by its
     /// velocity now and after the forces.
     fn substeps(&self, dt: f64, load: &Load<'_, D>) -> usize {
-        let scene = self.scene(dt, load);
-        let p = &self.particles;
-        let travel = (0..p.len()).fold(0.0, |most: f64, i| {
-            let speed = p.velocity[i].norm_squared().max(scene.free_velocity(i).norm_squared()).sqrt();
-            most.max(speed / p.radius[i])
-        });
-        (travel * dt / self.settings.max_travel).ceil().max(1.0) as usize
+        let (scene, p) = (self.scene(dt, load), &self.particles);
+        let squared = |i: usize| p.velocity[i].norm_squared().max(scene.free_velocity(i).norm_squared());
+        self.travel(dt, squared).ceil().max(1.0) as usize
+    }
+
+    /// The farthest that a grain goes in `dt` at a speed given by its square, over what it may in a sub-step.
+    fn travel(&self, dt: f64, squared: impl Fn(usize) -> f64) -> f64 {
+        let radius = &self.particles.radius;
+        let farthest = (0..radius.len()).fold(0.0, |most: f64, i| most.max(squared(i).sqrt() / radius[i]));
+        farthest * dt / self.settings.max_travel
     }
 
     fn scene<'a>(&'a self, h: f64, load: &'a Load<'a, D>) -> Scene<'a, D> {

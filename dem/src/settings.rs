@@ -37,7 +37,7 @@ pub struct Settings<const D: usize> {
     pub max_sweeps: usize,
     /// Share of its radius that a grain may cross in a sub-step.
     pub max_travel: f64,
-    /// Sub-steps per step at most.
+    /// Sub-steps per step at most; a step that needs more is reported as not converged.
     pub max_substeps: usize,
     /// Share of an overlap that a sub-step takes back, in ]0, 1]. What is taken back becomes speed of separation: 1 keeps a
     /// bed that rests on unconverged contacts in motion (and its warm start poor: three times the sweeps of 0.2).
@@ -136,7 +136,7 @@ pub struct StepReport {
     pub residual: f64,
     /// Largest overlap at the end, as a share of the radius of the smaller grain.
     pub max_penetration_over_radius: f64,
-    /// Whether every sub-step reached the tolerance, in momentum and in heat.
+    /// Whether every sub-step reached the tolerance, in momentum and in heat, and there were as many as grains so fast need.
     pub converged: bool,
     /// Sub-steps repeated because a grain became faster than the search for its contacts had assumed.
     pub repeats: usize,

@@ -111,6 +111,26 @@ fn gaps_close_without_overlap() {
     }
 }
 
+/// Two discs on their way through each other, each faster than its sub-steps allow for: with enough of them they meet, and with too
+/// few the step says so. (It went by in silence.)
+#[test]
+fn a_step_that_lacks_sub_steps_says_so() {
+    let material = Material::default();
+    let mut grains = discs(vec![v(0.0, 0.0), v(30.0, 0.0)], 0.5, &material);
+    grains.velocity = vec![v(40.0, 0.0), v(-40.0, 0.0)];
+    for (max_substeps, enough) in [(1000, true), (10, false)] {
+        let settings = Settings { gravity: V::zeros(), max_substeps, ..precise() };
+        let mut dem = Dem::new(grains.clone(), vec![], vec![material.clone()], settings).unwrap();
+        let report = dem.step(1.0, &Load::default());
+        assert_eq!(report.converged, enough, "{report:?}");
+        assert!(report.substeps <= max_substeps, "{report:?}");
+        if enough {
+            let apart = dem.particles.position[1][0] - dem.particles.position[0][0];
+            assert!((apart - 1.0).abs() < 1e-9, "they end {apart} m apart");
+        }
+    }
+}
+
 /// A grain pressed on the floor by its weight under strong implicit drag: the floor carries the weight, not more.
 #[test]
 fn contacts_see_the_implicit_drag() {
