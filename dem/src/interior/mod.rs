@@ -53,8 +53,8 @@ const GOAL: f64 = 1e-2;
 /// Contacts that would take this multiple of the fastest approach to close are left out until something closes them: a search
 /// that was widened for one fast grain lists a hundred times as many contacts as there are.
 const FAR: f64 = 10.0;
-/// Times that contacts left out are added.
-const ROUNDS: usize = 3;
+/// Rounds, each with those left out that the last one closed, the last with all.
+const ROUNDS: usize = 4;
 /// Impulses over the momenta that they give, in the 2-norm: a column of n grains under its own weight has about n / 3.
 const BRACED: f64 = 100.0;
 /// Products over those at the start at which nothing is left to gain.
@@ -244,7 +244,10 @@ pub(crate) fn solve<const D: usize>(
     let warm: Vec<Vector<D>> = problem.contacts.iter().map(|c| c.impulse).collect();
     let mut best = (free.judge(problem, judge), warm);
     let mut taken = vec![false; problem.contacts.len()];
-    for _ in 0..ROUNDS {
+    for round in 1..=ROUNDS {
+        if round == ROUNDS {
+            taken.fill(true);
+        }
         problem.bodies.set_state(&free.state);
         if let Some(at) = Interior::new(problem, friction, &mut taken) {
             lead(at, problem, &taken, free, judge, &mut best);
