@@ -286,7 +286,9 @@ impl<const D: usize> Free<D> {
 
     /// What the problem lacks; all, where its impulses are no solution whatever the error of each.
     pub fn judge(&self, problem: &mut Problem<D>, judge: &mut dyn FnMut(&mut Problem<D>) -> f64) -> f64 {
-        if self.braced(problem) || self.gains(problem) { f64::MAX } else { judge(problem) }
+        let lacks = judge(problem);
+        let solves = lacks.is_finite() && !self.braced(problem) && !self.gains(problem);
+        if solves { lacks } else { f64::MAX }
     }
 
     /// Whether grains press against each other far more than what acts on them asks for. With strong friction there are such
@@ -358,7 +360,7 @@ fn lead<const D: usize>(
         }
         // A solved point stands as soon as a step does not better it.
         let done = judged <= GOAL || (best.0 <= 1.0 && !better);
-        if done || !judged.is_finite() || at.mean(None, 0.0) < END * start {
+        if done || at.mean(None, 0.0) < END * start {
             break;
         }
     }
