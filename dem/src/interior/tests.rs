@@ -114,7 +114,8 @@ fn grains_passed_into_each_other_where_friction_was_not_solved() {
     let (friction, step) = (10.0, 1e-3);
     let material = rubbing(friction);
     for count in [40, 80] {
-        let (radius, width) = (5e-4, 1e-3 * f64::from(count).sqrt());
+        let radius: f64 = 5e-4;
+        let width = (0..count).map(|_| 4.0 * radius * radius).sum::<f64>().sqrt();
         let region = Region { low: V::zeros(), high: V::new(width, width) };
         let fill = Fill {
             radii: Radii::List(vec![radius; count as usize]),
@@ -126,9 +127,10 @@ fn grains_passed_into_each_other_where_friction_was_not_solved() {
         let how = Deposit { friction: None, rest: 0.0, max_steps: 1 };
         let mut p = deposit(&region, &fill, &how).unwrap().particles.rotating();
         p.mass.iter_mut().step_by(5).for_each(|m| *m *= 1e6);
-        let corners = [V::new(0.0, 1.0), V::zeros(), V::new(width, 0.0), V::new(width, 1.0)];
-        let wall = |ends: &[V]| Wall { friction, ..Wall::new("box", ends[0], ends[1]) };
-        let walls = corners.windows(2).map(wall).collect();
+        let top = p.position.iter().fold(0.0, |top: f64, x| top.max(x.y)) + 2.0 * radius;
+        let [a, b, c, d] = [[0.0, 0.0], [width, 0.0], [0.0, top], [width, top]].map(V::from);
+        let wall = |(from, to)| Wall { friction, ..Wall::new("box", from, to) };
+        let walls = [(a, b), (a, c), (b, d)].map(wall).to_vec();
         let settings = Settings { interior: true, ..Settings::default() };
         let mut dem = Dem::new(p, walls, vec![material.clone()], settings).unwrap();
         let energy = |p: &Particles<2>| -> f64 {
