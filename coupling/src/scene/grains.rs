@@ -260,7 +260,8 @@ pub struct Contacts {
     pub interior: bool,
     /// Share of its radius that a grain may cross in one sub-step. Default 0.5.
     pub max_travel: f64,
-    /// Most sub-steps of a step: what is left then is gone in the last, and who flies far in it may pass into others. Default 1000.
+    /// Most sub-steps of a step: what is left then is gone in the last. Who flies far in it may pass into others, so that the step
+    /// counts as not converged. Default 1000.
     pub max_substeps: usize,
     /// Whether grains spin. Default true.
     pub rotation: bool,
