@@ -61,24 +61,25 @@ pub fn pile(
     Ok(Dem::new(particles, walls, vec![material], settings)?)
 }
 
+/// A box without order, with edges of a mean length, its sides called as those of [`grid`].
+pub fn unstructured(size: [f64; 2], edge: f64) -> Result<Mesh<2>> {
+    Ok(Mesh::rectangle(&Rectangle { size: Some(edge), ..box_of(size) })?)
+}
+
 fn box_mesh(size: [f64; 2], squares: [usize; 2], diagonals: Diagonals) -> Result<Mesh<2>> {
+    let structured = Some(Structured { squares, diagonals });
+    Ok(Mesh::rectangle(&Rectangle { structured, ..box_of(size) })?)
+}
+
+fn box_of(upper: [f64; 2]) -> Rectangle {
     let sides = Sides {
         left: Side::named("left"),
         right: Side::named("right"),
         bottom: Side::named("bottom"),
         top: Side::named("top"),
     };
-    let structured = Some(Structured { squares, diagonals });
-    let rectangle = Rectangle {
-        lower: [0.0; 2],
-        upper: size,
-        size: None,
-        sides,
-        holes: vec![],
-        refine: vec![],
-        structured,
-    };
-    Ok(Mesh::rectangle(&rectangle)?)
+    let lower = [0.0; 2];
+    Rectangle { lower, upper, size: None, sides, holes: vec![], refine: vec![], structured: None }
 }
 
 /// A fluid with its conditions.

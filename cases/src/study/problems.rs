@@ -4,7 +4,7 @@ use super::clock::{Cost, Spent, median, timed};
 use super::cost;
 use super::plan::{Settings, THREADS};
 use crate::models::SlipBox;
-use crate::verify::fluid::manufactured::{Off, Run, UNIT};
+use crate::verify::fluid::manufactured::{Cut, Off, Run, UNIT};
 use crate::verify::fluid::orders::STILL;
 use crate::verify::grains::stack;
 use schemars::JsonSchema;
@@ -140,8 +140,16 @@ impl Problem for Manufactured {
 impl Manufactured {
     fn here(&self) -> Result<Solved> {
         let (fields, steps) = (STILL, 5);
-        let run =
-            Run { fields, fluid: UNIT, squares: self.squares, dt: 1e3, steps, lumped: false, bodies: None };
+        let run = Run {
+            fields,
+            fluid: UNIT,
+            cut: Cut::Alternating,
+            squares: self.squares,
+            dt: 1e3,
+            steps,
+            lumped: false,
+            bodies: None,
+        };
         // What another solver loads or compiles at its first step is loaded here too.
         Run { squares: 2, ..run }.solve()?;
         let (flow, spent) = run.timed()?;

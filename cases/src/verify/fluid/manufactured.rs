@@ -1,7 +1,7 @@
 //! Manufactured solutions: exact fields and the sources that make them solve the equations.
 
 use super::immersed::Immersed;
-use crate::models::{FluidSet, Vec2, grid};
+use crate::models::{self, FluidSet, Vec2};
 use crate::study::clock;
 use crate::verify::jet::Jet;
 use crate::verify::norms::{Errors, errors, errors_in};
@@ -125,6 +125,30 @@ fn balanced(mut source: Vec<f64>, volume: &[f64]) -> Vec<f64> {
     source
 }
 
+/// How the square is cut into triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cut {
+    /// Squares, their diagonals rising and falling in turn.
+    Alternating,
+    /// Squares, all diagonals rising: edges of three directions.
+    Parallel,
+    /// No order: edges as long as the sides of the squares would be.
+    Unstructured,
+}
+
+impl Cut {
+    /// The mesh of [-1, 1]^2 with so many squares along each side, its sides called left, right, bottom and top.
+    fn mesh(self, squares: usize) -> Result<Mesh<2>> {
+        let mut mesh = match self {
+            Self::Alternating => models::grid([2.0; 2], [squares; 2])?,
+            Self::Parallel => models::parallel([2.0; 2], [squares; 2])?,
+            Self::Unstructured => models::unstructured([2.0; 2], 2.0 / squares as f64)?,
+        };
+        mesh.points.iter_mut().for_each(|x| *x -= Vec2::new(1.0, 1.0));
+        Ok(mesh)
+    }
+}
+
 /// A run of a manufactured solution.
 #[derive(Clone, Copy, Debug)]
 pub struct Run {
@@ -132,6 +156,8 @@ pub struct Run {
     pub fields: Fields,
     /// The fluid.
     pub fluid: Fluid,
+    /// The kind of mesh.
+    pub cut: Cut,
     /// Squares along each side.
     pub squares: usize,
     /// Time step, s.
@@ -190,8 +216,7 @@ impl Run {
 
     /// The same with the wall time that the solver took.
     pub fn timed(&self) -> Result<(Flow<2, 3>, Spent)> {
-        let mut mesh = grid([2.0, 2.0], [self.squares; 2])?;
-        mesh.points.iter_mut().for_each(|x| *x -= Vec2::new(1.0, 1.0));
+        let mesh = self.cut.mesh(self.squares)?;
         let mut set = FluidSet::new(self.fluid.density, self.fluid.viscosity);
         set.numerics.newton = 2;
         // In long steps what is left of the equations is amplified by up to the number of nodes.

@@ -15,6 +15,7 @@ mod taylor_green;
 /// The cases of this group.
 pub const CASES: &[Case] = &[
     orders::SPACE,
+    orders::MESHES,
     orders::TIME,
     taylor_green::CASE,
     hele_shaw::CASE,
