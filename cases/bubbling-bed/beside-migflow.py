@@ -1,20 +1,23 @@
 #!/usr/bin/env python3
 """Runs MigFlow 1.4.0 on the bed that it ships and voidage on scene-migflow.toml, and prints CPU time per step.
 
-    python3 cases/bubbling-bed/beside-migflow.py [--steps 400] [--warm 300] [--work DIR]
+    python3 cases/bubbling-bed/beside-migflow.py [--steps 400] [--warm 300] [--rounds 3] [--work DIR]
 
 MigFlow (GPL, run as it is, nothing of it copied) is installed with PARDISO into a virtual environment in DIR; its shipped
 case runs under a stopwatch put round its own calls. Both programs take one thread; steps before --warm are not counted.
+They run by turns, so many rounds; the table has medians, since machines are shared.
 """
 
 import argparse
 import csv
 import json
 import os
+import shutil
 import subprocess
 import sys
 import venv
 from pathlib import Path
+from statistics import median
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ["migflow==1.4.0", "gmsh", "pypardiso", "mkl==2025.2.0"]  # a newer mkl falls back to SuperLU silently
@@ -58,12 +61,17 @@ json.dump({"total": total, **spent}, open(result, "w"))
 '''
 
 
-def migflow(work: Path, warm: int, steps: int) -> dict[str, float]:
-    """CPU seconds by phase of the steps after the warm-up."""
+def install(work: Path) -> Path:
+    """The interpreter of an environment with MigFlow."""
     python = work / "venv" / "bin" / "python"
     if not python.exists():
         venv.create(work / "venv", with_pip=True)
     subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
+    return python
+
+
+def migflow(python: Path, work: Path, warm: int, steps: int) -> dict[str, float]:
+    """CPU seconds by phase of the steps after the warm-up."""
     case = next((work / "venv").rglob("2d_bubbling_fluidized_bed.py"))
     (work / "stopwatch.py").write_text(STOPWATCH)
     result = work / "migflow.json"
@@ -73,9 +81,9 @@ def migflow(work: Path, warm: int, steps: int) -> dict[str, float]:
     return json.loads(result.read_text())
 
 
-def voidage(work: Path, warm: int, steps: int) -> dict[str, float]:
-    """The same for voidage: a run to the end of the warm-up, then one restarted from its checkpoint."""
-    subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "voidage"], check=True, cwd=ROOT)
+def voidage(work: Path, warm: int, steps: int, first: bool) -> dict[str, float]:
+    """The same for voidage: the first time a run to the end of the warm-up, then one restarted from its checkpoint."""
+    subprocess.run(["cargo", "build", "--release", "--quiet", "--bin", "voidage"], check=True, cwd=ROOT)
     program = ROOT / "target" / "release" / "voidage"
     scene, out = ROOT / "cases" / "bubbling-bed" / "scene-migflow.toml", work / "voidage-out"
 
@@ -85,8 +93,11 @@ def voidage(work: Path, warm: int, steps: int) -> dict[str, float]:
         command = [program, "run", scene, "--quiet", "--threads", "1", "--out", out, *options, *more]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
-    run(warm)
-    run(steps, "--restart", str(out / "checkpoint.voidage"))
+    warmed = work / "warm.voidage"
+    if first:
+        run(warm)
+        shutil.copy(out / "checkpoint.voidage", warmed)
+    run(steps, "--restart", str(warmed))
     summary = json.loads((out / "summary.json").read_text())
     phases = summary["phases_s"]
     # Set-up and pictures are no part of a step. Phases are wall time of one thread, never less than its CPU time.
@@ -105,18 +116,25 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--steps", type=int, default=400)
     parser.add_argument("--warm", type=int, default=300)
+    parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--work", type=Path, default=ROOT / "out" / "beside-migflow")
     options = parser.parse_args()
-    if not 0 < options.warm < options.steps:
-        parser.error("--warm must lie between 0 and --steps")
+    if not 0 < options.warm < options.steps or options.rounds < 1:
+        parser.error("--warm must lie between 0 and --steps, and there must be a round")
     options.work.mkdir(parents=True, exist_ok=True)
-    ours = voidage(options.work, options.warm, options.steps)
-    theirs = migflow(options.work, options.warm, options.steps)
-    count = options.steps - options.warm
-    print(f"ms per step, mean of {count} steps, one thread")
+    python, count = install(options.work), options.steps - options.warm
+    phases = ("overlap", "energy", "flow", "contacts", "total")
+    rounds = []
+    for number in range(options.rounds):
+        ours = voidage(options.work, options.warm, options.steps, first=number == 0)
+        theirs = migflow(python, options.work, options.warm, options.steps)
+        rounds.append([[1e3 * spent[phase] / count for phase in phases] for spent in (theirs, ours)])
+        (*_, a), (*_, b) = rounds[-1]
+        print(f"round {number + 1}: MigFlow {a:.1f}, voidage {b:.1f}, ratio {a / b:.1f}", flush=True)
+    print(f"ms per step, means of {count} steps, medians of the rounds, one thread")
     print(f"{'phase':<10}{'MigFlow':>10}{'voidage':>10}{'ratio':>8}")
-    for phase in ("overlap", "energy", "flow", "contacts", "total"):
-        a, b = 1e3 * theirs[phase] / count, 1e3 * ours[phase] / count
+    for k, phase in enumerate(phases):
+        a, b = (median(of[program][k] for of in rounds) for program in range(2))
         print(f"{phase:<10}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
     print(bed(options.work, options.warm * 1e-3))
     return 0

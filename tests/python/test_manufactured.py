@@ -17,7 +17,8 @@ from voidage.manufactured import FIELDS, main, off, solve, squares
 def of_the_program(program, tmp_path_factory):
     """Errors of the Rust solver by fields, their name and the squares, or steps, in two units."""
     out = tmp_path_factory.mktemp("verification")
-    cases = ["--only", "manufactured-space", "--only", "manufactured-time"]
+    cases = [f"manufactured-{name}" for name in ("space", "meshes", "time")]
+    cases = [word for case in cases for word in ("--only", case)]
     options = ["verify", "--quick", "--quiet", *cases, "--out", out]
     subprocess.run([program, *options], check=True, capture_output=True)
     with open(out / "curves.csv", newline="") as file:
@@ -47,6 +48,17 @@ def test_errors_equal_those_of_the_rust_solver_and_fall_at_their_orders(
     if fields == "sliding":
         least["p"] = 1.9
     assert all(orders[name] > least[name] for name in least), orders
+
+
+@pytest.mark.parametrize("fields", FIELDS)
+def test_pressures_on_parallel_diagonals_equal_those_of_the_rust_solver(
+    solver, of_the_program, fields
+):
+    for n in (16, 32):
+        points, cells, _ = squares(n, turning=False)
+        found = off(points, cells, solve(solver, n, fields, turning=False)[0], fields)
+        known = of_the_program["Pressure, parallel diagonals", fields, n]
+        assert found["p"] == pytest.approx(known, rel=1e-9), n
 
 
 def test_shorter_time_steps_change_fields_as_in_the_rust_solver_and_at_order_one(
