@@ -237,7 +237,7 @@ fn run_meshes(effort: Effort) -> Result<Outcome> {
             }
         }
         let (first, last) = (h(0), h(sizes.len() - 1));
-        let line = |h: f64| (h, 0.05 * f64::powf(h / first, theory));
+        let line = |h: f64| (h, 0.1 * f64::powf(h / first, theory));
         panel.curves.push(Curve::dashes(format!("order {theory}"), vec![line(first), line(last)]));
         outcome.panels.push(panel);
     }
