@@ -4,7 +4,8 @@
 //! There is no theory, but a bound and an end: with long steps no grain may be faster (over a step) than the fastest is with short
 //! ones, none may leave the box, all must come to rest, and a bed of many grains must be as high, in the mean over some packings; how
 //! a handful comes to lie is chance, and so is when, since a grain may lie on two others or find its way between them: all have
-//! twice the time that it takes with short steps. The short steps are those in which a lone grain falls by a fiftieth of its diameter, with the default scheme.
+//! twice the time that it takes with short steps. These are steps in which a lone grain falls by a fiftieth of its diameter, with
+//! the default scheme.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use crate::models::{FluidSet, Vec2, bisect, grid};

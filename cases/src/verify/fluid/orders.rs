@@ -206,12 +206,11 @@ fn run_space(effort: Effort) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// The same on squares whose diagonals are parallel, as far as the order of the pressure is 1.50, and without order.
+/// The same on squares whose diagonals are parallel, so fine that the pressure has the order of theory, and on meshes without order.
 ///
-/// The velocity of linear elements is as close to the interpolated one as 1.5 where edges have three directions, for what two
-/// triangles on an edge are off by cancels, but for those on the walls; this is then the order of the pressure as well.
-/// Without such a mesh nothing cancels: what the divergence is off by, from triangle to triangle, leaves a
-/// pressure of order 1, unless bodies that yield to it smooth it.
+/// Where edges have three directions, what the two triangles of an edge are off by cancels, but along walls: the solution
+/// approaches the interpolated one with order 1.5, and the pressure has that order. Elsewhere nothing cancels: what the divergence is
+/// off by, from triangle to triangle, leaves a pressure of order 1, unless bodies that yield to it smooth it.
 fn run_meshes(effort: Effort) -> Result<Outcome> {
     let parallel: &[usize] = effort.pick(&[16, 32, 64], &[32, 64, 128, 256, 512]);
     let unstructured: &[usize] = effort.pick(&[16, 32, 64], &[16, 32, 64, 128]);
