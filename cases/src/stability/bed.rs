@@ -82,6 +82,8 @@ pub(super) const LIQUID: Bed =
 const GRAVITY: f64 = 9.81;
 /// Of the contacts, at most.
 const TOLERANCE: f64 = 1e-6;
+/// Sub-steps: a step of 1e4 relaxation times would take thousands if nothing held the grains, but these lie on each other.
+const SUBSTEPS: usize = 100;
 /// Speed of a grain, m/s, at which a bed counts as blown apart: the terminal velocities are below 0.3.
 const RUNAWAY: f64 = 30.0;
 /// Steps between looks at the pressure drop, and its relative change from look to look below which, three times, it
@@ -231,8 +233,8 @@ impl Bed {
             temperature: None,
             conductivity: None,
         };
-        let settings =
-            Settings { gravity: Vec2::new(0.0, -self.gravity()), tolerance, ..Settings::default() };
+        let gravity = Vec2::new(0.0, -self.gravity());
+        let settings = Settings { gravity, tolerance, max_substeps: SUBSTEPS, ..Settings::default() };
         Ok(Dem::new(particles, walls.map(wall).to_vec(), vec![material.clone()], settings)?)
     }
 
