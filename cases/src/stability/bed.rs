@@ -118,6 +118,11 @@ pub(super) struct Lying {
 }
 
 impl Bed {
+    /// The bed with another height, in diameters.
+    pub fn of_rows(self, rows: usize) -> Self {
+        Self { rows, ..self }
+    }
+
     /// Width and height of the box, in diameters.
     fn size(&self) -> [usize; 2] {
         [WIDTH, self.rows + ROOM]
@@ -307,7 +312,7 @@ impl Bed {
 
     /// The bed of a point of the axes.
     fn at(self, [ratio, _]: [f64; 2]) -> Self {
-        if ratio > 1.0 { Self { rows: self.high, ..self } } else { self }
+        if ratio > 1.0 { self.of_rows(self.high) } else { self }
     }
 
     fn run(&self, [ratio, step]: [f64; 2], scheme: SchemeName) -> Result<Sample> {
