@@ -4,8 +4,8 @@
 //! The drag law is that of the same grains held fast where they are, on the same mesh. Below fluidisation the drop is the mean
 //! over the last fifth of the steps, in which what is carried from step to step evens out, and is judged. Above it, it is the mean
 //! over the second half, and is drawn beside the weight and what the momentum of the bed grows by: grains that rest on the
-//! floor, where the bed is loose, or rain on it, are missing from it. They are some grains whatever the height, so the bed has 27 rows:
-//! of nine it misses up to a tenth, and is left on the way down as chance has it. The axes of [`super::bed`] judge that part of the curve.
+//! floor, where the bed is loose, or rain on it, are missing from it. They are some grains whatever the height, in gas more than in
+//! water, so there the bed has 27 rows: of nine up to a tenth is missing. The axes of [`super::bed`] judge that part of the curve.
 
 use super::axis::{Axis, Sample, Tally, Verdict};
 use super::bed::{Bed, GAS, LIQUID, Lying, pushed, upward};
@@ -32,7 +32,7 @@ pub const AXES: &[Axis] = &[
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| points(&GAS, effort.pick(&[1.0], &[1e-2, 1e-1, 1.0, 10.0])),
-        run: |[_, step], scheme, effort| curve(&GAS, step, scheme, effort),
+        run: |[_, step], scheme, effort| curve(&GAS.of_rows(effort.pick(9, 27)), step, scheme, effort),
         theory: |_, _| None,
     },
     Axis {
@@ -53,7 +53,6 @@ fn points(bed: &Bed, steps: &[f64]) -> Vec<[f64; 2]> {
 
 /// The curve with one step; the worst inflow below fluidisation counts.
 fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sample> {
-    let bed = &bed.of_rows(effort.pick(9, 27));
     let lying = bed.lie()?;
     let relaxation = bed.solid / bed.drag(lying.fluidisation, lying.voidage);
     let dt = step * relaxation;
