@@ -82,13 +82,13 @@ fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sam
     for (k, &inflow) in up.iter().chain(down).enumerate() {
         let speed = inflow * lying.fluidisation;
         let steps = if inflow < 1.0 { steps } else { PATIENCE * steps };
-        let Ok(held) = hold(&mut system, speed, (dt, steps), &mut tally) else {
+        let Ok(stay) = stay(&mut system, speed, (dt, steps), &mut tally) else {
             return Ok(Sample { curves, ..Sample::new(Verdict::Unstable, f64::NAN, 1.0, tally) });
         };
-        let rests = inflow < 1.0 || held.fastest < REST * speed;
-        let [drop, mut expected] = held.mean(bed, &lying, dt, if rests { steps / 5 } else { steps / 2 });
+        let rests = inflow < 1.0 || stay.fastest < REST * speed;
+        let [drop, mut expected] = stay.mean(bed, &lying, dt, if rests { steps / 5 } else { steps / 2 });
         if rests {
-            [_, expected] = bed.law(&held.before, &lying.material, speed, (dt, steps))?;
+            [_, expected] = bed.law(&stay.before, &lying.material, speed, (dt, steps))?;
         }
         if inflow < 1.0 && (drop / expected - 1.0).abs() > (worst - 1.0).abs() {
             worst = drop / expected;
@@ -102,7 +102,7 @@ fn curve(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sam
 
 /// Steps at one inflow.
 #[derive(Default)]
-struct Held {
+struct Stay {
     /// Of each step the upward force of the fluid on the grains (N per metre of depth), and their upward momentum before it.
     course: Vec<[f64; 2]>,
     /// Upward momentum after the last, kg/s.
@@ -113,7 +113,7 @@ struct Held {
     fastest: f64,
 }
 
-impl Held {
+impl Stay {
     /// Mean pressure drop over the last steps, and what it must be meanwhile where nothing rests on the floor ([`Bed::balance`]), Pa.
     fn mean(&self, bed: &Bed, lying: &Lying, dt: f64, steps: usize) -> [f64; 2] {
         let last = &self.course[self.course.len() - steps..];
@@ -122,27 +122,27 @@ impl Held {
     }
 }
 
-fn hold(system: &mut Coupled<2>, speed: f64, (dt, steps): (f64, usize), tally: &mut Tally) -> Result<Held> {
+fn stay(system: &mut Coupled<2>, speed: f64, (dt, steps): (f64, usize), tally: &mut Tally) -> Result<Stay> {
     if let Some(fluid) = &mut system.fluid {
         for condition in fluid.conditions.iter_mut().filter(|condition| condition.boundary == "bottom") {
             condition.flow = FlowCondition::SuperficialVelocity(Prescribed::Uniform(Vec2::new(0.0, speed)));
         }
     }
-    let mut held = Held::default();
+    let mut stay = Stay::default();
     for step in 1..=steps {
         let before = upward(system);
         if let (Some(grains), true) = (&system.grains, step == steps) {
-            held.before = grains.particles.clone();
+            stay.before = grains.particles.clone();
         }
         tally.add(&system.step(dt)?);
         let velocities = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
-        held.fastest = velocities.fold(0.0, |most: f64, v| most.max(v.norm()));
+        stay.fastest = velocities.fold(0.0, |most: f64, v| most.max(v.norm()));
         // Much faster than anything in a bed that is barely fluidised.
-        if held.fastest > 100.0 * speed {
+        if stay.fastest > 100.0 * speed {
             return Err(Error::Run("the grains run away".into()));
         }
-        held.course.push([pushed(system), before]);
+        stay.course.push([pushed(system), before]);
     }
-    held.upward = upward(system);
-    Ok(held)
+    stay.upward = upward(system);
+    Ok(stay)
 }
