@@ -5,11 +5,13 @@ use crate::backend::{GrainLoad, HeatLoad};
 use serde::{Deserialize, Serialize};
 use voidage_dem::{Dem, Vector};
 
-/// What the fluid still has to give for the last steps, because the grains moved otherwise than it expected.
+/// What the fluid still has to make up for of the last steps, because the grains moved otherwise than it expected.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Carried<const D: usize> {
     /// gamma (v* - v) dt, N s by grain: what the grains got beyond what the fluid lost.
     pub impulse: Vec<Vector<D>>,
+    /// (v* - v) dt with v* of the solid flux, m by grain: by how much the equation of mass moved the grains further than they moved.
+    pub displacement: Vec<Vector<D>>,
     /// hA (T* - T) dt, J by grain; zero without heat.
     pub heat: Vec<f64>,
 }
@@ -17,12 +19,14 @@ pub struct Carried<const D: usize> {
 impl<const D: usize> Carried<D> {
     /// Nothing.
     pub fn none(grains: usize) -> Self {
-        Self { impulse: vec![Vector::zeros(); grains], heat: vec![0.0; grains] }
+        let none = vec![Vector::zeros(); grains];
+        Self { impulse: none.clone(), displacement: none, heat: vec![0.0; grains] }
     }
 
     /// As many entries as grains, those that are new zero.
     pub(crate) fn resize(&mut self, grains: usize) {
         self.impulse.resize(grains, Vector::zeros());
+        self.displacement.resize(grains, Vector::zeros());
         self.heat.resize(grains, 0.0);
     }
 }
@@ -98,6 +102,13 @@ impl<const D: usize> Interaction<D> {
     pub(crate) fn pending(&self, velocity: Vector<D>, dt: f64, i: usize) -> Vector<D> {
         let before = self.carried.as_ref().map_or_else(Vector::zeros, |carried| carried.impulse[i]);
         before + (self.load.expected(&self.at, i) - velocity) * (self.load.drag[i] * dt)
+    }
+
+    /// By how much the equation of mass will have moved grain `i` further when it moves at `velocity` (mean over the step), m: what
+    /// it had before, and (v* - v) dt.
+    pub(crate) fn pending_flux(&self, velocity: Vector<D>, dt: f64, i: usize) -> Vector<D> {
+        let before = self.carried.as_ref().map_or_else(Vector::zeros, |carried| carried.displacement[i]);
+        before + (self.load.expected_in_flux(&self.at, i) - velocity) * dt
     }
 
     /// The same for heat, J, for a mean temperature.

@@ -142,7 +142,7 @@ impl<const D: usize> Iterated<D> {
         }
     }
 
-    /// Books what the grains got, and carries what the fluid did not lose for it.
+    /// Books what the grains got, and carries what the fluid did not lose for it and where it had them else.
     fn settle(&mut self, coupled: &mut Coupled<D>, dt: f64, agreement: Agreement) -> Agreement {
         let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else {
             return agreement;
@@ -152,6 +152,7 @@ impl<const D: usize> Iterated<D> {
         carried.resize(moved.len());
         for i in 0..moved.len() {
             carried.impulse[i] = interaction.pending(moved[i], dt, i);
+            carried.displacement[i] = interaction.pending_flux(moved[i], dt, i);
             interaction.force[i] = push.force[i] - moved[i] * interaction.load.drag[i];
         }
         if let Some(law) = &interaction.load.heat {
