@@ -10,7 +10,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"VOIDAGE\n";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 const HEAD: usize = 8 + 4 + 64 + 8 + 8 + 8 + 8;
 const CHECKSUM: usize = 32;
 
