@@ -12,22 +12,15 @@ pub struct Carried<const D: usize> {
     pub impulse: Vec<Vector<D>>,
     /// (v* - v) dt with v* of the solid flux, m by grain: by how much the equation of mass moved the grains further than they moved.
     pub displacement: Vec<Vector<D>>,
-    /// hA (T* - T) dt, J by grain; zero without heat.
+    /// hA (T* - T) dt, J by grain; empty without heat.
     pub heat: Vec<f64>,
 }
 
 impl<const D: usize> Carried<D> {
-    /// Nothing.
-    pub fn none(grains: usize) -> Self {
+    /// Nothing, as yet.
+    pub(crate) fn none(grains: usize, heat: bool) -> Self {
         let none = vec![Vector::zeros(); grains];
-        Self { impulse: none.clone(), displacement: none, heat: vec![0.0; grains] }
-    }
-
-    /// As many entries as grains, those that are new zero.
-    pub(crate) fn resize(&mut self, grains: usize) {
-        self.impulse.resize(grains, Vector::zeros());
-        self.displacement.resize(grains, Vector::zeros());
-        self.heat.resize(grains, 0.0);
+        Self { impulse: none.clone(), displacement: none, heat: vec![0.0; if heat { grains } else { 0 }] }
     }
 }
 

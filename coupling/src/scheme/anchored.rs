@@ -78,7 +78,7 @@
 //! that diagonal. It does not exceed the true diagonal of the inverse, so T* is a mean of temperatures with positive weights
 //! and stays within their bounds (what is carried, bounded by the tolerance, comes on top); the iteration always contracts.
 
-use crate::{Coupled, Interaction};
+use crate::{Carried, Coupled, Interaction};
 use voidage_dem::{Bond, Bonds, Dem};
 use voidage_fluid::Vector;
 
@@ -168,8 +168,9 @@ impl Anchor {
         let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else { return };
         grains.bonds(&mut self.bonds);
         let (particles, response) = (&grains.particles, grains.mean_velocity());
-        let carried = interaction.carried.get_or_insert_with(|| crate::Carried::none(particles.len()));
         let load = &mut interaction.load;
+        let none = || Carried::none(particles.len(), load.heat.is_some());
+        let carried = interaction.carried.get_or_insert_with(none);
         let flux = load.continuity.get_or_insert_default();
         flux.mobility.resize(particles.len(), 0.0);
         flux.velocity.resize(particles.len(), Vector::zeros());

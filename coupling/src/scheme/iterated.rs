@@ -12,7 +12,7 @@ use super::Scheme;
 use super::anchored::{Anchor, Push};
 use super::relaxation::{Relaxation, Relaxer};
 use crate::agreement::Comparison;
-use crate::{Agreement, Carried, Coupled, StepReport, error::Result};
+use crate::{Agreement, Coupled, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use voidage_dem::{Dem, Vector};
@@ -57,8 +57,6 @@ pub struct Iterated<const D: usize> {
     answer: Push<D>,
     anchor: Anchor,
     relaxer: Relaxer,
-    /// Room for what is carried next.
-    spare: Carried<D>,
 }
 
 impl<const D: usize> Scheme<D> for Iterated<D> {
@@ -81,7 +79,7 @@ impl<const D: usize> Iterated<D> {
     pub fn new(iteration: Iteration) -> Self {
         let relaxer = Relaxer::new(iteration.relaxation);
         let (push, answer) = (Push::default(), Push::default());
-        Self { iteration, push, answer, anchor: Anchor::default(), relaxer, spare: Carried::none(0) }
+        Self { iteration, push, answer, anchor: Anchor::default(), relaxer }
     }
 
     /// Advances by `dt`, in halves if need be and allowed, and accepts the parts.
@@ -147,24 +145,24 @@ impl<const D: usize> Iterated<D> {
         let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else {
             return agreement;
         };
-        let (push, carried) = (&self.answer, &mut self.spare);
-        let moved = grains.mean_velocity();
-        carried.resize(moved.len());
+        // While it is taken out, what is pending is of this step alone.
+        let Some(mut carried) = interaction.carried.take() else { return agreement };
+        let (push, moved) = (&self.answer, grains.mean_velocity());
         for i in 0..moved.len() {
-            carried.impulse[i] = interaction.pending(moved[i], dt, i);
-            carried.displacement[i] = interaction.pending_flux(moved[i], dt, i);
+            carried.impulse[i] += interaction.pending(moved[i], dt, i);
+            carried.displacement[i] += interaction.pending_flux(moved[i], dt, i);
             interaction.force[i] = push.force[i] - moved[i] * interaction.load.drag[i];
         }
         if let Some(law) = &interaction.load.heat {
             let warmed = grains.mean_temperature();
             for i in 0..warmed.len() {
-                carried.heat[i] = interaction.pending_heat(law, warmed[i], dt, i);
+                carried.heat[i] += interaction.pending_heat(law, warmed[i], dt, i);
                 interaction.heat[i] = push.heat[i] - law.coefficient[i] * warmed[i];
             }
         }
         let total = carried.impulse.iter().sum::<Vector<D>>().norm();
         let scale = interaction.force.iter().map(|force| force.norm()).sum::<f64>() * dt;
-        std::mem::swap(carried, interaction.carried.get_or_insert_with(|| Carried::none(0)));
+        interaction.carried = Some(carried);
         Agreement {
             carried: if total == 0.0 { 0.0 } else { total / scale.max(f64::MIN_POSITIVE) },
             ..agreement
