@@ -72,7 +72,18 @@ pub struct Exchange<'a, const D: usize> {
     pub heat: Option<HeatExchange<'a>>,
 }
 
+/// Steps in which a difference of push within a body is made up for, above which it is let be.
+pub const LASTING: f64 = 100.0;
+
 /// A law `v* = velocity + mobility (drag u - volume grad p)` of all bodies.
+///
+/// Each piece follows it with the push f at its own place, so that the equations stay local. As the law of the solid flux it has, at each
+/// piece, the constant part b - c a (f - mean f of the body), with f of the last accepted state of the fluid: a body is rigid, and where the
+/// push stays as it was no piece of it moves otherwise than the body.
+///
+/// c is 1 but where bodies leave the fluid little room. A difference of push within a body is made up for in X steps,
+/// X = a (gamma/eps + rho V/dt) (1 - eps)/eps, and in elements full of body, X without bound, the mobility at the pieces is all that couples the
+/// pressures of the nodes. So c = 1/(1 + X/[`LASTING`]).
 #[derive(Clone, Copy, Debug)]
 pub struct VelocityLaw<'a, const D: usize> {
     /// Mobility a, s/kg.
@@ -182,8 +193,14 @@ pub struct CellExchange<const D: usize, const B: usize> {
 }
 
 impl<const D: usize, const B: usize> CellExchange<D, B> {
-    /// The sums of one cell; `None` if no body is there.
-    pub fn gather(load: &Exchange<'_, D>, sorted: &PiecesByCell, cell: usize) -> Option<Self> {
+    /// The sums of one cell, with the constant part of the law of continuity at the pieces where it is not that of the bodies; `None` if no
+    /// body is there.
+    pub fn gather(
+        load: &Exchange<'_, D>,
+        sorted: &PiecesByCell,
+        at_pieces: Option<&[Vector<D>]>,
+        cell: usize,
+    ) -> Option<Self> {
         let mut pieces = sorted.of(cell).peekable();
         pieces.peek()?;
         let mut sum = Self {
@@ -204,7 +221,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
             let slip = share * gamma * (1.0 - mobility * gamma);
             sum.total_drag += share * gamma;
             sum.diffusion += share * volume * volume * law.mobility[body];
-            sum.volume_flux += law.velocity[body] * (share * volume);
+            sum.volume_flux += at_pieces.map_or(law.velocity[body], |b| b[piece]) * (share * volume);
             for a in 0..B {
                 sum.pressure[a] += share * volume * (mobility * gamma - 1.0) * phi[a];
                 sum.carried[a] += share * volume * law.mobility[body] * gamma * phi[a];

@@ -104,6 +104,8 @@ pub struct Flow<const D: usize, const B: usize> {
     holds: Vec<Option<Hold<D>>>,
     sorted: PiecesByCell,
     solid_flux: Vec<Vector<D>>,
+    /// Constant part of the law of continuity at the pieces; only where there is one.
+    at_pieces: Vec<Vector<D>>,
     unknown: Vec<f64>,
 }
 
@@ -133,6 +135,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             system: System::new(pattern.clone()),
             solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow),
             solid_flux: Vec::new(),
+            at_pieces: Vec::new(),
             unknown: vec![0.0; nodes * B],
             next: state.clone(),
             newton: numerics.newton.max(1),
@@ -213,7 +216,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             report.heat_s = start.elapsed().as_secs_f64();
         }
         let start = Instant::now();
-        self.project_solid_flux(exchange);
+        self.project_solid_flux(dt, voidage, exchange);
         for iteration in 0..self.newton {
             self.newton_step(iteration, dt, voidage, exchange, conditions, &mut report)?;
         }
@@ -282,11 +285,16 @@ impl<const D: usize, const B: usize> Flow<D, B> {
 
     /// Nodal projection (A.15) of the solid flux phi v, with v the law of the bodies in the equation of mass at the
     /// last accepted fluid state.
-    fn project_solid_flux(&mut self, exchange: Option<&Exchange<'_, D>>) {
+    fn project_solid_flux(&mut self, dt: f64, voidage: &[f64], exchange: Option<&Exchange<'_, D>>) {
         self.solid_flux.clear();
         if let Some(load) = exchange {
+            let sums = Sums { geometry: &self.geometry, state: &self.state, load };
+            if let Some(law) = &load.continuity {
+                sums.rigid(law, (voidage, self.properties.density, dt), &mut self.at_pieces);
+            }
+            let at_pieces = load.continuity.map(|_| self.at_pieces.as_slice());
             self.solid_flux.resize(self.state.velocity.len(), Vector::zeros());
-            Sums { geometry: &self.geometry, state: &self.state, load }.solid_flux(&mut self.solid_flux);
+            sums.solid_flux(at_pieces, &mut self.solid_flux);
         }
     }
 
@@ -342,7 +350,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         let old = &self.state.velocity;
         let at = if iteration == 0 { old } else { &self.next.velocity };
         let buoyancy = self.heat.as_ref().zip(self.next.temperature.as_ref());
-        let (sources, flux) = (self.sources.as_ref(), &self.solid_flux);
+        let (sources, flux, at_pieces) = (self.sources.as_ref(), &self.solid_flux, &self.at_pieces);
         self.assembler.assemble(&mut self.system, |k, out| {
             let node = geometry.nodes(k);
             let element = geometry.elements[k];
@@ -350,7 +358,10 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let over_mesh = |u: &[Vector<D>]| std::array::from_fn(|a| u[node[a]] - moving[a]);
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
-            let bodies = exchange.and_then(|load| CellExchange::gather(load, sorted, k));
+            let bodies = exchange.and_then(|load| {
+                let at_pieces = load.continuity.map(|_| at_pieces.as_slice());
+                CellExchange::gather(load, sorted, at_pieces, k)
+            });
             let solid_divergence = match flux.is_empty() {
                 true => 0.0,
                 false => (0..B).map(|a| flux[node[a]].dot(&element.gradient[a])).sum(),

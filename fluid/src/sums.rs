@@ -1,7 +1,7 @@
 //! Sums over the pieces of the bodies, of a state of the fluid.
 
 use crate::Vector;
-use crate::exchange::Exchange;
+use crate::exchange::{Exchange, LASTING, VelocityLaw, at_piece};
 use crate::flow::State;
 use crate::geometry::Geometry;
 
@@ -55,15 +55,45 @@ impl<const D: usize, const B: usize> Sums<'_, D, B> {
         (force, heat)
     }
 
-    /// Nodal projection (A.15) of the solid flux phi v, with v the law of the bodies in the equation of mass.
-    pub fn solid_flux(&self, flux: &mut [Vector<D>]) {
+    /// drag u - volume grad p at a piece of a body, N.
+    fn push(&self, piece: usize, body: usize) -> Vector<D> {
+        let (velocity, slope) = self.at(piece);
+        velocity * self.load.drag[body] - slope * self.load.volume[body]
+    }
+
+    /// The constant part of a law of the solid flux at each piece, in a step of `dt` of a fluid of `density` ([`VelocityLaw`]), m/s.
+    pub fn rigid(
+        &self,
+        law: &VelocityLaw<'_, D>,
+        (voidage, density, dt): (&[f64], f64, f64),
+        velocity: &mut Vec<Vector<D>>,
+    ) {
+        let load = self.load;
+        velocity.clear();
+        for body in 0..load.pieces.bodies() {
+            let here = load.pieces.of(body);
+            let mean: Vector<D> =
+                here.clone().map(|piece| self.push(piece, body) * load.pieces.share[piece]).sum();
+            let inertia = density * load.volume[body] / dt;
+            velocity.extend(here.map(|piece| {
+                let eps = at_piece(&self.geometry.mesh, load.pieces, piece, voidage);
+                let room = eps * eps;
+                let mobility = law.mobility[body];
+                let lasting = mobility * (load.drag[body] + eps * inertia) * (1.0 - eps) / LASTING;
+                law.velocity[body] - (self.push(piece, body) - mean) * (mobility * room / (room + lasting))
+            }));
+        }
+    }
+
+    /// Nodal projection (A.15) of the solid flux phi v, with v the law of the bodies in the equation of mass, and its constant part at the
+    /// pieces where it is not that of the bodies.
+    pub fn solid_flux(&self, at_pieces: Option<&[Vector<D>]>, flux: &mut [Vector<D>]) {
         let load = self.load;
         let law = load.continuity();
         for body in 0..load.pieces.bodies() {
             for piece in load.pieces.of(body) {
-                let (velocity, slope) = self.at(piece);
-                let moved = law.velocity[body]
-                    + (velocity * load.drag[body] - slope * load.volume[body]) * law.mobility[body];
+                let moved = at_pieces.map_or(law.velocity[body], |b| b[piece])
+                    + self.push(piece, body) * law.mobility[body];
                 let volume = load.pieces.share[piece] * load.volume[body];
                 let phi = load.pieces.shape::<B>(piece);
                 let nodes = self.geometry.nodes(load.pieces.cell[piece] as usize);

@@ -62,6 +62,8 @@ class FiniteElements(Solver):
         sums = None
         if step.grains is not None and len(step.pieces.cell) > 0:
             sums = PieceSums(self.cells, step.pieces, step.grains)
+            if step.grains.continuity is not None:
+                sums.make_rigid(self.state, step.voidage, self.problem.density, step.dt)
         temperature = None if self.problem.heat is None else self._energy(step, sums, report)
         report.heat_s = perf_counter() - start
         data = self._flow_data(step, sums, temperature)

@@ -6,13 +6,17 @@ cell, with the share s of the grain and the shape functions phi at its centroid.
     f_p = V grad p - gamma (u - v*),   v* = b + a (gamma u - V grad p),
     q_p = -hA (T - T*),                T* = bT + aT hA T.
 
-The solid flux phi v* in the equation of mass may have a law v* of its own (``continuity``).
+The solid flux phi v* in the equation of mass may have a law v* of its own (``continuity``), which
+``make_rigid`` makes that of grains instead of pieces.
 """
 
 import numpy as np
 
 from .cells import Cells, Stabilisation
 from .solver import AtGrains, Fields, Floats, Grains, Pieces
+
+LASTING = 100.0
+"""Steps in which a difference of push within a grain is made up for, above which it is let be."""
 
 
 class PieceSums:
@@ -127,6 +131,20 @@ class PieceSums:
     def _push(self, u: Floats, slope: Floats) -> Floats:
         """gamma u - V grad p at the pieces, (q, D)."""
         return self.drag[:, None] * u - self.volume[:, None] * slope
+
+    def make_rigid(self, fields: Fields, voidage: Floats, density: float, dt: float) -> None:
+        """Takes from a law of the flux what it gives a piece beyond its grain in the given fields.
+
+        b becomes b - c a (f - mean f of the grain), with f the push gamma u - V grad p. A difference
+        of push within a grain is made up for in X = a (gamma/eps + rho V/dt) (1 - eps)/eps steps;
+        c = 1/(1 + X/100), for in cells full of grain only the mobility couples the pressures.
+        """
+        push = self._push(*self._at(fields))
+        eps = np.einsum("qa,qa->q", self.shape, voidage[self.nodes])
+        inertia = density * self.volume / dt
+        lasting = self.flux_mobility * (self.drag + eps * inertia) * (1 - eps) / LASTING
+        share = self.flux_mobility * eps**2 / (eps**2 + lasting)
+        self.flux_velocity = self.flux_velocity - share[:, None] * (push - self._mean(push)[self.grain])
 
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law of the flux at the given fields, (n, D)."""
