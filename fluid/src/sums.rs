@@ -70,6 +70,7 @@ impl<const D: usize, const B: usize> Sums<'_, D, B> {
     ) {
         let load = self.load;
         velocity.clear();
+        velocity.reserve_exact(load.pieces.len());
         for body in 0..load.pieces.bodies() {
             let here = load.pieces.of(body);
             let mean: Vector<D> =

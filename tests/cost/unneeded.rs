@@ -235,7 +235,7 @@ const PARTS: &[Part] = &[
     Part {
         name: "iterated: two laws, what is carried",
         on: |scene| coupling(scene).scheme = SchemeName::Iterated,
-        adds: Added { wire: [3, 0], memory: [5, 0], ..NOTHING },
+        adds: Added { wire: [3, 0], memory: [7, 0], ..NOTHING },
     },
 ];
 
