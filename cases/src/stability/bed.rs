@@ -92,8 +92,7 @@ const LOOK: usize = 50;
 const STEADY: f64 = 1e-6;
 /// Steps in which a bed comes to rest.
 const SETTLING: usize = 300;
-/// How often the fluidisation velocity is corrected by the drop on the mesh, to which it is nearly in proportion, and with which
-/// step over the relaxation time.
+/// How often the fluidisation velocity is corrected by the drop on the mesh, and with which step over the relaxation time.
 const REFINED: usize = 3;
 const LONG: f64 = 10.0;
 /// How far a bed above fluidisation may have risen at the end, in diameters, and the fewest steps. One that rises further breaks up:
@@ -160,14 +159,20 @@ impl Bed {
         GRAVITY * (1.0 - self.fluid / self.solid)
     }
 
-    pub fn lie(&self) -> Result<Lying> {
+    /// The bed at rest. With a `seed` its grains differ by a billionth in size: beds of different seeds are alike until they have moved.
+    pub fn lie(&self, seed: Option<u64>) -> Result<Lying> {
         let material = Material { density: self.solid, friction: 0.3, solidity: 0.65, ..Material::default() };
         let (width, d) = (self.width(), self.diameter);
         // Rows that touch the side walls: no grain rattles, which would be lifted alone.
         let region = Region { low: Vec2::zeros(), high: Vec2::new(width, self.rows as f64 * d) };
         let materials = std::slice::from_ref(&material);
-        let radii = Radii::Constant(0.5 * d * (1.0 - 1e-9));
-        let fill = Fill { radii, amount: Amount::Fill, material: 0, materials, seed: 0 };
+        let radius = 0.5 * d * (1.0 - 1e-9);
+        let radii = match seed {
+            None => Radii::Constant(radius),
+            Some(_) => Radii::Uniform { min: radius * (1.0 - 1e-9), max: radius },
+        };
+        let seed = seed.unwrap_or_default();
+        let fill = Fill { radii, amount: Amount::Fill, material: 0, materials, seed };
         let loose = lattice(&region, Lattice::Triangular, 1.0, &fill)?;
         let mut dry = self.grains(loose, &material, TOLERANCE)?;
         // At rest for good: in steps of free fall over a tenth of a diameter.
@@ -185,14 +190,19 @@ impl Bed {
             |speed: f64| (1.0 - voidage) * self.drag(speed, voidage) * speed / (voidage * voidage) * height;
         let fluidisation = bisect(10.0, 60, |speed| drop(speed) < weight);
         let mut lying = Lying { particles, material, voidage, fluidisation, weight };
+        // The nodal voidage at the ends of the bed is above its mean, and the drop below that of the mean.
         for _ in 0..REFINED {
-            // The nodal voidage at the ends of the bed is above its mean, and the drop below that of the mean.
-            let speed = lying.fluidisation;
-            let step = LONG * self.solid / self.drag(speed, voidage);
-            lying.fluidisation *=
-                weight / self.law(&lying.particles, &lying.material, speed, (step, LOOK))?[0];
+            let step = LONG * self.solid / self.drag(lying.fluidisation, voidage);
+            self.refine(&mut lying, (step, LOOK))?;
         }
         Ok(lying)
+    }
+
+    /// Corrects the fluidisation velocity by the drop on the mesh, to which it is nearly in proportion, after steps.
+    pub fn refine(&self, lying: &mut Lying, steps: (f64, usize)) -> Result<()> {
+        let [drop, _] = self.law(&lying.particles, &lying.material, lying.fluidisation, steps)?;
+        lying.fluidisation *= lying.weight / drop;
+        Ok(())
     }
 
     /// Pressure drop of the drag law, that of these grains held fast, after steps, and that of the same grains free to rise, Pa.
@@ -316,7 +326,7 @@ impl Bed {
     }
 
     fn run(&self, [ratio, step]: [f64; 2], scheme: SchemeName) -> Result<Sample> {
-        let lying = self.lie()?;
+        let lying = self.lie(None)?;
         let speed = ratio * lying.fluidisation;
         let relaxation = self.solid / self.drag(speed, lying.voidage);
         // What the contacts leave unsolved must not carry a grain by more than a thousandth of its diameter.

@@ -52,7 +52,7 @@ pub fn print(schemes: &[SchemeName]) -> Result<()> {
 type Start<'a> = dyn Fn(SchemeName) -> Result<(Coupled<2>, f64)> + 'a;
 
 fn lying(bed: &Bed, ratio: f64, step: f64, scheme: SchemeName) -> Result<(Coupled<2>, f64)> {
-    let lying = bed.lie()?;
+    let lying = bed.lie(None)?;
     let speed = ratio * lying.fluidisation;
     let relaxation = bed.solid / bed.drag(speed, lying.voidage);
     let system = bed.system((&lying.particles, &lying.material), speed, scheme, (false, 1e-4))?;

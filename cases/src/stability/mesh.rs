@@ -53,7 +53,7 @@ pub const AXES: &[Axis] = &[
 
 /// With a mesh that is made anew after so many steps, or never.
 fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Result<Sample> {
-    let lying = LIQUID.lie()?;
+    let lying = LIQUID.lie(None)?;
     let speed = INFLOW * lying.fluidisation;
     let dt = step * LIQUID.solid / LIQUID.drag(speed, lying.voidage);
     let mut system = LIQUID.system((&lying.particles, &lying.material), speed, scheme, (false, 1e-6))?;

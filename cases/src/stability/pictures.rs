@@ -92,8 +92,19 @@ fn fluidisation(axis: &str, title: &str, scheme: SchemeName, places: &[Place]) -
     panel.curves = vec![Curve::line("min(drag law, weight) of the bed as it lay", law)];
     for step in steps {
         let on = here.iter().filter(|place| place.y == step && place.curve != "min(drag law, weight)");
-        let course = on.map(|place| (place.at, place.value)).collect();
-        panel.curves.push(Curve::joined(format!("dt/\u{3c4} = {step}"), course));
+        panel.curves.push(Curve::joined(format!("dt/\u{3c4} = {step}"), mean(on)));
     }
     Some(panel)
+}
+
+/// Means of places of the same curve at the same inflow: those of several beds, one after the other.
+fn mean<'a>(places: impl Iterator<Item = &'a &'a Place>) -> Vec<(f64, f64)> {
+    let mut found: Vec<(&Place, f64, f64)> = vec![];
+    for place in places {
+        match found.iter_mut().find(|(first, ..)| first.curve == place.curve && first.at == place.at) {
+            Some((_, sum, count)) => (*sum, *count) = (*sum + place.value, *count + 1.0),
+            None => found.push((place, place.value, 1.0)),
+        }
+    }
+    found.into_iter().map(|(first, sum, count)| (first.at, sum / count)).collect()
 }

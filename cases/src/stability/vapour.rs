@@ -75,7 +75,7 @@ struct Worst {
 }
 
 fn blow(vapour: f64, step: f64, scheme: SchemeName) -> Result<Sample> {
-    let lying = GAS.lie()?;
+    let lying = GAS.lie(None)?;
     let speed = vapour * lying.fluidisation;
     let dt = step * GAS.solid / GAS.drag(lying.fluidisation, lying.voidage);
     let bound = speed / LEAST_VOIDAGE + terminal();
