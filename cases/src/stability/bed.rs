@@ -159,7 +159,8 @@ impl Bed {
         GRAVITY * (1.0 - self.fluid / self.solid)
     }
 
-    /// The bed at rest. With a `seed` its grains differ by a billionth in size: beds of different seeds are alike until they have moved.
+    /// The bed at rest. With a `seed` its grains differ by a thousandth in size, enough for beds of different seeds to move
+    /// in different ways.
     pub fn lie(&self, seed: Option<u64>) -> Result<Lying> {
         let material = Material { density: self.solid, friction: 0.3, solidity: 0.65, ..Material::default() };
         let (width, d) = (self.width(), self.diameter);
@@ -169,7 +170,7 @@ impl Bed {
         let radius = 0.5 * d * (1.0 - 1e-9);
         let radii = match seed {
             None => Radii::Constant(radius),
-            Some(_) => Radii::Uniform { min: radius * (1.0 - 1e-9), max: radius },
+            Some(_) => Radii::Uniform { min: radius * (1.0 - 1e-3), max: radius },
         };
         let seed = seed.unwrap_or_default();
         let fill = Fill { radii, amount: Amount::Fill, material: 0, materials, seed };

@@ -12,8 +12,8 @@
 //! on it are missing from it. They are some grains whatever the height, in gas more than in water, so there the bed has 27 rows.
 //! The axes of [`super::bed`] judge that part of the curve.
 //!
-//! How loose a bed is left is chance, too: every point is of several beds that differ by a billionth in the size of their grains, and
-//! the picture shows their mean.
+//! How loose a bed is left is chance, too: every point is of several beds whose grains differ by a thousandth in size, and the
+//! picture shows their mean.
 
 use super::axis::{Axis, Sample, Tally, Verdict};
 use super::bed::{Bed, GAS, LIQUID, Lying, pushed, upward};
