@@ -66,7 +66,8 @@ pub(super) struct Bed {
     /// Height, in diameters.
     rows: usize,
     /// Height of one above fluidisation. What lies on the floor and rains on it when a bed leaves it are some grains in all: of 126 in water
-    /// two are more than a hundredth, and in gas, with steps of one relaxation time, some six.
+    /// two are more than a hundredth. In gas, with steps of one relaxation time, the weight of some nine lies between what such grains would
+    /// press on the floor with at rest, which is what is expected, and what they land on it with.
     high: usize,
     pub fluid: f64,
     viscosity: f64,
@@ -75,7 +76,7 @@ pub(super) struct Bed {
 }
 
 pub(super) const GAS: Bed =
-    Bed { rows: 9, high: 54, fluid: 1.204, viscosity: 2e-5, solid: 3200.0, diameter: 55e-6 };
+    Bed { rows: 9, high: 108, fluid: 1.204, viscosity: 2e-5, solid: 3200.0, diameter: 55e-6 };
 pub(super) const LIQUID: Bed =
     Bed { rows: 9, high: 27, fluid: 998.0, viscosity: 1e-3, solid: 2650.0, diameter: 100e-6 };
 
