@@ -145,6 +145,11 @@ impl Bed {
         self.set().laws(None).drag.coefficient(&around, VoidageFunction::None)
     }
 
+    /// Relaxation time of the grains of a bed at its fluidisation, s.
+    pub fn relaxation(&self, lying: &Lying) -> f64 {
+        self.solid / self.drag(lying.fluidisation, lying.voidage)
+    }
+
     /// The fluid, with sides that slip and an open top.
     pub fn set(&self) -> FluidSet {
         let mut set = FluidSet::new(self.fluid, self.viscosity);

@@ -30,6 +30,9 @@ const INFLOWS: [f64; 13] = [0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15,
 const FEW: [f64; 4] = [0.3, 0.6, 0.9, 1.2];
 /// Beds per point.
 const BEDS: u64 = 4;
+/// What the fluid passes in a step, in diameters, above which there is no steady bed above fluidisation: the curve ends below it,
+/// nothing moves, and one bed of equal grains tells all.
+const FARTHEST: f64 = 30.0;
 /// How often longer than below fluidisation the inflow stays at or above it.
 const PATIENCE: usize = 4;
 /// Speed of the fastest grain, over that of the inflow, below which a bed is at rest.
@@ -68,9 +71,13 @@ fn points(bed: &Bed, steps: &[f64]) -> Vec<[f64; 2]> {
 
 /// The curves of some beds with one step; the worst inflow below fluidisation of them all counts.
 fn curves(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sample> {
-    let beds = (0..effort.pick(1, BEDS)).into_par_iter();
-    let all: Vec<Sample> =
-        beds.map(|seed| curve(bed, bed.lie(Some(seed))?, step, scheme, effort)).collect::<Result<_>>()?;
+    let even = bed.lie(None)?;
+    let moves = even.fluidisation * step * bed.relaxation(&even) < FARTHEST * bed.diameter;
+    let beds = if moves { (0..effort.pick(1, BEDS)).map(Some).collect() } else { vec![None] };
+    let all: Vec<Sample> = beds
+        .into_par_iter()
+        .map(|seed| curve(bed, bed.lie(seed)?, (step, moves), scheme, effort))
+        .collect::<Result<_>>()?;
     let tally = all.iter().fold(Tally::default(), |mut sum, sample| {
         sum.join(&sample.tally);
         sum
@@ -83,9 +90,15 @@ fn curves(bed: &Bed, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sa
     Ok(Sample { curves, ..Sample::judge(worst.abs() < 1e3, worst, 1.0, ALLOWED, tally) })
 }
 
-/// The curve of one.
-fn curve(bed: &Bed, mut lying: Lying, step: f64, scheme: SchemeName, effort: Effort) -> Result<Sample> {
-    let relaxation = bed.solid / bed.drag(lying.fluidisation, lying.voidage);
+/// The curve of one, below fluidisation only unless it `moves`.
+fn curve(
+    bed: &Bed,
+    mut lying: Lying,
+    (step, moves): (f64, bool),
+    scheme: SchemeName,
+    effort: Effort,
+) -> Result<Sample> {
+    let relaxation = bed.relaxation(&lying);
     let dt = step * relaxation;
     // Relative speeds are a share of the inflow: what a bed of ten diameters takes to change by one of them.
     let passing = bed.diameter / lying.fluidisation;
@@ -93,8 +106,6 @@ fn curve(bed: &Bed, mut lying: Lying, step: f64, scheme: SchemeName, effort: Eff
     let steps = (time / dt).ceil().max(20.0) as usize;
     // The pressure stabilisation depends on the step, and with it the law on this mesh.
     bed.refine(&mut lying, (dt, steps))?;
-    // Where the bed moves by more than some diameters in a step there is no steady bed above fluidisation.
-    let moves = lying.fluidisation * dt < 30.0 * bed.diameter;
     let up = match effort {
         Effort::Quick => FEW.to_vec(),
         Effort::Full => INFLOWS.to_vec(),
