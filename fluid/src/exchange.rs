@@ -72,18 +72,25 @@ pub struct Exchange<'a, const D: usize> {
     pub heat: Option<HeatExchange<'a>>,
 }
 
-/// Steps in which a difference of push within a body is made up for, above which it is let be.
+/// X above which a difference of push within a body, which takes some X steps to be as in a rigid one, is rather let be.
 pub const LASTING: f64 = 100.0;
 
 /// A law `v* = velocity + mobility (drag u - volume grad p)` of all bodies.
 ///
-/// Each piece follows it with the push f at its own place, so that the equations stay local. As the law of the solid flux it has, at each
-/// piece, the constant part b - c a (f - mean f of the body), with f of the last accepted state of the fluid: a body is rigid, and where the
-/// push stays as it was no piece of it moves otherwise than the body.
+/// Each piece of a body follows it with the push f at its own place, so that the equations stay local. But a body is rigid. So as the law of
+/// the solid flux it has, at each piece, the constant part
 ///
-/// c is 1 but where bodies leave the fluid little room. A difference of push within a body is made up for in X steps,
-/// X = a (gamma/eps + rho V/dt) (1 - eps)/eps, and in elements full of body, X without bound, the mobility at the pieces is all that couples the
-/// pressures of the nodes. So c = 1/(1 + X/[`LASTING`]).
+/// ```text
+///     b - c a (f - f_mean),     f_mean = sum (s c f) / sum (s c) over the pieces of the body,
+/// ```
+///
+/// with the shares s of the pieces and f of the last accepted state of the fluid. The mean over the pieces is b, and where c = 1 and the push
+/// stays as it was, no piece moves otherwise than the body.
+///
+/// c is 1 but where bodies leave the fluid little room. A piece with more push gives way, which takes X times the difference of push from
+/// it, X = a (gamma/eps + rho V/dt) (1 - eps)/eps; from step to step the difference d goes by d' = d_rigid - X (d' - c d), with the factor
+/// c X/(1 + X) to d_rigid/(1 + X (1 - c)). In elements full of body, X without bound, that takes for ever, and the mobility at the pieces is all that
+/// couples the pressures of the nodes. So c = 1/(1 + X/[`LASTING`]).
 #[derive(Clone, Copy, Debug)]
 pub struct VelocityLaw<'a, const D: usize> {
     /// Mobility a, s/kg.

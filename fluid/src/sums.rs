@@ -5,6 +5,9 @@ use crate::exchange::{Exchange, LASTING, VelocityLaw, at_piece};
 use crate::flow::State;
 use crate::geometry::Geometry;
 
+/// Voidage of an element full of body as a weight, so that a body all in such elements has a mean.
+const LEAST: f64 = 1e-12;
+
 /// Bodies in a state of the fluid; `B` is `D + 1`.
 pub(crate) struct Sums<'a, const D: usize, const B: usize> {
     pub geometry: &'a Geometry<D, B>,
@@ -66,23 +69,36 @@ impl<const D: usize, const B: usize> Sums<'_, D, B> {
         &self,
         law: &VelocityLaw<'_, D>,
         (voidage, density, dt): (&[f64], f64, f64),
-        velocity: &mut Vec<Vector<D>>,
+        at_pieces: &mut Vec<Vector<D>>,
     ) {
         let load = self.load;
-        velocity.clear();
-        velocity.reserve_exact(load.pieces.len());
+        at_pieces.clear();
+        at_pieces.reserve_exact(load.pieces.len());
         for body in 0..load.pieces.bodies() {
+            let (mobility, velocity) = (law.mobility[body], law.velocity[body]);
             let here = load.pieces.of(body);
-            let mean: Vector<D> =
-                here.clone().map(|piece| self.push(piece, body) * load.pieces.share[piece]).sum();
+            if mobility == 0.0 {
+                at_pieces.extend(here.map(|_| velocity));
+                continue;
+            }
             let inertia = density * load.volume[body] / dt;
-            velocity.extend(here.map(|piece| {
-                let eps = at_piece(&self.geometry.mesh, load.pieces, piece, voidage);
-                let room = eps * eps;
-                let mobility = law.mobility[body];
+            let share = |piece| {
+                let eps = at_piece(&self.geometry.mesh, load.pieces, piece, voidage).max(LEAST);
                 let lasting = mobility * (load.drag[body] + eps * inertia) * (1.0 - eps) / LASTING;
-                law.velocity[body] - (self.push(piece, body) - mean) * (mobility * room / (room + lasting))
-            }));
+                eps * eps / (eps * eps + lasting)
+            };
+            let (mut sum, mut weight) = (Vector::zeros(), 0.0);
+            for piece in here.clone() {
+                let push = self.push(piece, body);
+                let part = share(piece) * load.pieces.share[piece];
+                sum += push * part;
+                weight += part;
+                at_pieces.push(push);
+            }
+            let mean = sum / weight;
+            for piece in here {
+                at_pieces[piece] = velocity - (at_pieces[piece] - mean) * (mobility * share(piece));
+            }
         }
     }
 

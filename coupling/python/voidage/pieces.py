@@ -16,7 +16,10 @@ from .cells import Cells, Stabilisation
 from .solver import AtGrains, Fields, Floats, Grains, Pieces
 
 LASTING = 100.0
-"""Steps in which a difference of push within a grain is made up for, above which it is let be."""
+"""X of `PieceSums.make_rigid` above which a piece is rather let move by itself."""
+
+LEAST = 1e-12
+"""Voidage of a cell full of grain as a weight, so that a grain all in such cells has a mean."""
 
 
 class PieceSums:
@@ -133,18 +136,21 @@ class PieceSums:
         return self.drag[:, None] * u - self.volume[:, None] * slope
 
     def make_rigid(self, fields: Fields, voidage: Floats, density: float, dt: float) -> None:
-        """Takes from a law of the flux what it gives a piece beyond its grain in the given fields.
+        """Takes from the law of the flux what it gives a piece beyond its grain in the given fields.
 
-        b becomes b - c a (f - mean f of the grain), with f the push gamma u - V grad p. A difference
-        of push within a grain is made up for in X = a (gamma/eps + rho V/dt) (1 - eps)/eps steps;
-        c = 1/(1 + X/100), for in cells full of grain only the mobility couples the pressures.
+        Call it with the last accepted fields where the flux has a law of its own. b becomes
+        b - c a (f - mean of f over the grain, weighted by c), with f = gamma u - V grad p. What a
+        piece gives way by takes X = a (gamma/eps + rho V/dt) (1 - eps)/eps times the difference of
+        push from it; c = 1/(1 + X/100), for in cells full of grain, X without bound, only the
+        mobility at the pieces couples the pressures.
         """
         push = self._push(*self._at(fields))
-        eps = np.einsum("qa,qa->q", self.shape, voidage[self.nodes])
+        eps = np.maximum(np.einsum("qa,qa->q", self.shape, voidage[self.nodes]), LEAST)
         inertia = density * self.volume / dt
         lasting = self.flux_mobility * (self.drag + eps * inertia) * (1 - eps) / LASTING
-        share = self.flux_mobility * eps**2 / (eps**2 + lasting)
-        self.flux_velocity = self.flux_velocity - share[:, None] * (push - self._mean(push)[self.grain])
+        c = (eps**2 / (eps**2 + lasting))[:, None]
+        mean = self._mean(c * push)[self.grain] / self._mean(c)[self.grain]
+        self.flux_velocity = self.flux_velocity - self.flux_mobility[:, None] * c * (push - mean)
 
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law of the flux at the given fields, (n, D)."""

@@ -90,7 +90,8 @@ impl<const D: usize> Setup<D> {
             columns: COLUMNS.iter().map(|column| column.name().to_owned()).collect(),
             closure: [
                 "velocity + mobility * (drag * u - volume * grad(p)), \
-                 the solid flux by continuity_velocity and continuity_mobility where they are there"
+                 the solid flux by continuity_velocity and continuity_mobility where they are there, \
+                 less what that gives a piece beyond its grain in the last accepted fields"
                     .into(),
                 "temperature + heat_mobility * heat_coefficient * T".into(),
             ],

@@ -68,11 +68,12 @@
 //! the pressure climbs. With e = eta/(1 + X) their modulus is, from X = 1 on, the root of X/(1 + X), which is the factor of the law
 //! alone. For other tau a test goes through the steps.
 //!
-//! **Pieces.** The fluid applies the law at each piece into which its mesh cuts a grain, so that its equations stay local. The mean of
-//! the pieces is the law of the grain, but a piece with more push than the others gives way by M times the difference. So the result is the same
-//! whatever M only as far as the push is the same within a grain. In beds of water that lie or hover, the drop came out lower by 0.06 to
-//! 0.25 % through the mobility of the flux where some grains count as free, by 0.006 % with theta_c = 1e-3 in all of them, and by up to
-//! 2.6 % with a tolerance of 1e-4, with which most steps iterate.
+//! **Pieces.** The fluid applies the law at each piece into which its mesh cuts a grain, so that its equations stay local. A piece with more
+//! push than the others would give way by M times the difference, though a grain is rigid, and the result would be the same whatever M
+//! only as far as the push is the same within a grain: beds in water carried up to 2.6 % less than their drag law where most steps iterate, and
+//! came to rest looser by 3 % or not, by the step. So what the law of the flux gave a piece beyond its grain in the last step is taken from
+//! it by the fluid solver ([`voidage_fluid::exchange::VelocityLaw`]). The law of momentum has M = 0 where contacts act; without contacts and with
+//! one law for both nothing is taken, as in `henry`.
 //!
 //! **Heat.** The same with temperatures: f becomes hA T, the response is that of the grains conducting through their
 //! contacts. Here the slope is the inverse of a symmetric matrix with the diagonal C/dt + hA + sum H, and M is one over
