@@ -40,6 +40,10 @@ pub struct Agreement {
     pub worst: u32,
     /// |v - v*| of that grain, m/s.
     pub worst_speed: f64,
+    /// How far the grain that moved furthest did so in a part of the step, in its diameters; zero for schemes that do not look.
+    pub travel: f64,
+    /// Parts that the step was done in.
+    pub parts: usize,
     /// |sum of the impulse that is carried to the next step| over weight and force of all grains times dt.
     pub carried: f64,
 }
@@ -62,7 +66,7 @@ impl<const D: usize> Comparison<'_, D> {
     /// Weighs, by grain, the force that the fluid did not lose (N) and the difference of the solid's velocity (m/s).
     pub fn motion(&self, difference: impl Fn(usize) -> (Vector<D>, Vector<D>)) -> Agreement {
         let (particles, gravity) = (&self.grains.particles, self.grains.settings().gravity.norm());
-        let mut agreement = Agreement { solves: 1, converged: true, ..Agreement::default() };
+        let mut agreement = Agreement { solves: 1, parts: 1, converged: true, ..Agreement::default() };
         let (mut sum, mut scale, mut most) = (0.0, 0.0, 0.0);
         for i in (0..particles.len()).filter(|&i| !particles.held(i)) {
             let (force, velocity) = difference(i);
@@ -90,24 +94,14 @@ impl<const D: usize> Comparison<'_, D> {
 }
 
 impl<const D: usize> Interaction<D> {
-    /// Impulse that the fluid will still have to give when grain `i` moves at `velocity` (mean over the step): what it had to
-    /// before, and gamma (v* - v) dt, N s.
-    pub(crate) fn pending(&self, velocity: Vector<D>, dt: f64, i: usize) -> Vector<D> {
-        let before = self.carried.as_ref().map_or_else(Vector::zeros, |carried| carried.impulse[i]);
-        before + (self.load.expected(&self.at, i) - velocity) * (self.load.drag[i] * dt)
+    /// gamma (v* - v) of grain `i` that moves at `velocity` (mean over the step): what it gets and the fluid does not lose, N.
+    pub(crate) fn missed(&self, velocity: Vector<D>, i: usize) -> Vector<D> {
+        (self.load.expected(&self.at, i) - velocity) * self.load.drag[i]
     }
 
-    /// By how much the equation of mass will have moved grain `i` further when it moves at `velocity` (mean over the step), m: what
-    /// it had before, and (v* - v) dt.
-    pub(crate) fn pending_flux(&self, velocity: Vector<D>, dt: f64, i: usize) -> Vector<D> {
-        let before = self.carried.as_ref().map_or_else(Vector::zeros, |carried| carried.displacement[i]);
-        before + (self.load.expected_in_flux(&self.at, i) - velocity) * dt
-    }
-
-    /// The same for heat, J, for a mean temperature.
-    pub(crate) fn pending_heat(&self, law: &HeatLoad, temperature: f64, dt: f64, i: usize) -> f64 {
-        let before = self.carried.as_ref().map_or(0.0, |carried| carried.heat[i]);
-        before + (law.expected(&self.at, i) - temperature) * (law.coefficient[i] * dt)
+    /// v* - v with v* of the solid flux: how much faster the equation of mass had it, m/s.
+    pub(crate) fn missed_in_flux(&self, velocity: Vector<D>, i: usize) -> Vector<D> {
+        self.load.expected_in_flux(&self.at, i) - velocity
     }
 }
 
@@ -140,6 +134,8 @@ impl Agreement {
             solves: first.solves + self.solves + spent,
             heat_disagreement: first.heat_disagreement.max(self.heat_disagreement),
             converged: first.converged && self.converged,
+            travel: first.travel.max(self.travel),
+            parts: first.parts + self.parts,
             carried: self.carried,
             ..*worse
         }

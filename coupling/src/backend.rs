@@ -61,6 +61,11 @@ impl HeatLoad {
         if self.coefficient[i] > 0.0 { carried / (self.coefficient[i] * dt) } else { 0.0 }
     }
 
+    /// hA (T* - T) of grain `i` at a mean temperature: the heat that it gets and the fluid does not lose, W.
+    pub(crate) fn missed<const D: usize>(&self, at: &AtBodies<D>, temperature: f64, i: usize) -> f64 {
+        self.coefficient[i] * (self.expected(at, i) - temperature)
+    }
+
     /// Heat from the fluid to grain `i`, W: hA (T - T*) with the affine law T*.
     pub fn heat<const D: usize>(&self, at: &AtBodies<D>, i: usize) -> f64 {
         self.coefficient[i] * (at.temperature[i] - self.expected(at, i))

@@ -167,9 +167,9 @@ pub struct Interaction<const D: usize> {
     pub at: AtBodies<D>,
     /// Voidage at each grain: mean of the nodal voidage over its pieces.
     pub voidage: Vec<f64>,
-    /// Force of the fluid on each grain in the last step, N.
+    /// Force of the fluid on each grain, mean over the last step, N.
     pub force: Vec<Vector<D>>,
-    /// Heat from the fluid to each grain in the last step, W; empty without heat.
+    /// Heat from the fluid to each grain, mean over the last step, W; empty without heat.
     pub heat: Vec<f64>,
     /// What the fluid still has to give; absent with schemes that move the grains by the force of the law.
     pub carried: Option<Carried<D>>,
@@ -251,8 +251,8 @@ impl<const D: usize> Coupled<D> {
     /// One step of `dt` by the scheme.
     ///
     /// # Errors
-    /// The fluid solver failed or a grain left the mesh; the state is then that before the step, except that
-    /// the grains' hints and load columns may be those of the failed step.
+    /// The fluid solver failed or a grain left the mesh; the state is then that before the step (before the part that failed, where a scheme
+    /// does a step in parts), except that the grains' hints and load columns may be those of the failed step.
     pub fn step(&mut self, dt: f64) -> Result<StepReport> {
         let Some(mut scheme) = self.scheme.take() else {
             return Err(Error::Run("a scheme called step of the system that it advances".into()));

@@ -250,6 +250,7 @@ impl Simulation {
             let agreement = last.agreement.unwrap_or_default();
             readings.extend([
                 ("fluid_solves", agreement.solves as f64),
+                ("step_parts", agreement.parts as f64),
                 ("coupling_disagreement", agreement.disagreement),
                 ("carried_impulse_share", agreement.carried),
             ]);

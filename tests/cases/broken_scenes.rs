@@ -228,6 +228,12 @@ const MISTAKES: &[Mistake] = &[
         &["relaxation", "above 0 and at most 1"],
     ),
     mistake(
+        "a limit on how far grains move, of steps that are not cut",
+        ["scheme = \"iterated\"", "iteration = { travel = 0.5 }"],
+        "iteration",
+        &["coupling.iteration.travel = 0.5", "auto = true"],
+    ),
+    mistake(
         "a mesh made anew after no step",
         [
             "[fluid.heat]",

@@ -112,6 +112,44 @@ fn a_step_that_does_not_converge_is_halved() {
     assert!(parts.solves > 4 && parts.disagreement < whole.disagreement, "{parts:?} {whole:?}");
 }
 
+/// A grain that flies far in a step is pushed all the way as where it was. In parts it ends nearer to where short steps take it, and the
+/// force of the step, the mean over them, is what moved it.
+#[test]
+fn a_step_in_which_grains_fly_is_cut() {
+    let (time, whole) = (2e-2, Iteration::default());
+    let flown = |iteration: Iteration, count: u32| {
+        let inflow = "fluid.boundaries.inflow.flow.superficial_velocity=[0.0,3.0]";
+        let mut simulation = bed_with(&["gravity=[0.0,0.0]", inflow]);
+        let coupled = simulation.coupled_mut();
+        coupled.set_scheme(Box::new(Iterated::new(iteration)));
+        let mut last = None;
+        for _ in 0..count {
+            last = coupled.step(time / f64::from(count)).expect("a step").agreement;
+        }
+        let particles = &coupled.grains.as_ref().expect("grains").particles;
+        let both = coupled.interaction.as_ref().expect("both");
+        let given = both.force.iter().sum::<Vector<2>>().y * time;
+        let gained: f64 = particles.mass.iter().zip(&particles.velocity).map(|(mass, v)| mass * v.y).sum();
+        (particles.position.clone(), last.expect("both"), given / gained)
+    };
+    let (exact, _, _) = flown(whole.clone(), 256);
+    let off = |places: &[Vector<2>]| {
+        let between = places.iter().zip(&exact).map(|(x, y)| (x - y).norm());
+        between.sum::<f64>() / exact.len() as f64
+    };
+    let (far, once, _) = flown(whole.clone(), 1);
+    assert!(once.parts == 1 && once.travel > 0.5, "{once:?} tests nothing");
+    let mut errors = vec![off(&far)];
+    for travel in [0.5, 0.125] {
+        let (places, cut, given) = flown(Iteration { auto: true, travel, ..whole.clone() }, 1);
+        assert!(cut.converged && cut.parts > 1 && cut.travel <= travel, "{cut:?}");
+        // The walls at the sides take a little.
+        assert!((given - 1.0).abs() < 0.02, "{given}");
+        errors.push(off(&places));
+    }
+    assert!(errors.windows(2).all(|pair| pair[1] < 0.8 * pair[0]), "{errors:?}");
+}
+
 fn step(coupled: &mut Coupled<2>, dt: f64) -> Vector<2> {
     coupled.step(dt).expect("a step");
     let interaction = coupled.interaction.as_ref().expect("both");
@@ -176,7 +214,7 @@ fn all_relaxations_lead_to_the_same_step() {
     let solved = |relaxation: Relaxation| {
         let mut simulation = bed();
         let coupled = simulation.coupled_mut();
-        let iteration = Iteration { tolerance: 1e-9, most: 100, relaxation, auto: false };
+        let iteration = Iteration { tolerance: 1e-9, most: 100, relaxation, ..Iteration::default() };
         coupled.set_scheme(Box::new(Iterated::new(iteration)));
         let mut solves = 0;
         for _ in 0..5 {

@@ -3,7 +3,9 @@
 //!
 //! The drag law is that of the same grains held fast where they are, on the same mesh. A bed that was lifted comes to rest again,
 //! looser, and carries its weight only at a higher inflow; how loose depends on how far it was lifted at once. Hence the small
-//! changes of the inflow about fluidisation, and the time to come to rest after each.
+//! changes of the inflow about fluidisation, and the time to come to rest after each. And hence [`Iteration::auto`]: in a step of one
+//! relaxation time in gas the fluid passes five diameters, and a grain is pushed all the way as where it was; not cut, such steps throw
+//! grains up that hover in shorter ones, and leave a looser bed.
 //!
 //! Below fluidisation the drop is the mean over the last fifth of the steps, in which what is carried from step to step evens out, and
 //! is judged. Above it, it is drawn. Where nothing moves any more it stands beside the same law, which is a bound there: parts of the
@@ -21,6 +23,7 @@ use crate::models::Vec2;
 use crate::verify::Effort;
 use rayon::prelude::*;
 use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Error, Result};
 use voidage_dem::Particles;
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
@@ -30,8 +33,8 @@ const INFLOWS: [f64; 13] = [0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15,
 const FEW: [f64; 4] = [0.3, 0.6, 0.9, 1.2];
 /// Beds per point.
 const BEDS: u64 = 4;
-/// What the fluid passes in a step, in diameters, above which there is no steady bed above fluidisation: the curve ends below it,
-/// nothing moves, and one bed of equal grains tells all.
+/// What the fluid passes in a step, in diameters, above which there is no steady bed above fluidisation but in parts of steps, and the
+/// curve would be that of short ones: it ends below it, nothing moves, and one bed of equal grains tells all.
 const FARTHEST: f64 = 30.0;
 /// How often longer than below fluidisation the inflow stays at or above it.
 const PATIENCE: usize = 4;
@@ -113,6 +116,7 @@ fn curve(
     let up: Vec<f64> = up.into_iter().filter(|inflow| *inflow < 1.0 || moves).collect();
     let down = up.iter().rev().skip(1);
     let mut system = bed.system((&lying.particles, &lying.material), 0.0, scheme, (false, TOLERANCE))?;
+    system.set_scheme(scheme.build(&Iteration { auto: true, ..Iteration::default() }));
     let (mut tally, mut worst, mut curves) = (Tally::default(), 1.0f64, vec![]);
     for (k, &inflow) in up.iter().chain(down).enumerate() {
         let speed = inflow * lying.fluidisation;

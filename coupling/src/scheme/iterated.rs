@@ -7,12 +7,16 @@
 //!
 //! **Agreement** is measured by what the difference of velocity is worth to the fluid, (gamma + rho_f V/dt) |v - v*|, over all
 //! grains against their weight and force ([`crate::Agreement`]); of heat by hA |T - T*| against hA times the range of temperatures.
+//!
+//! **Parts of steps.** A step that ends in disagreement, or in which a grain moves far, can be done in parts ([`Iteration::auto`]): halves
+//! until one is good, which is accepted; the next one is twice as long again where that is not known to be too far and the whole step
+//! stays a multiple of it. The mesh moves with the parts.
 
 use super::Scheme;
-use super::anchored::{Anchor, Push};
+use super::anchored::{Anchor, Push, Times};
 use super::relaxation::{Relaxation, Relaxer};
 use crate::agreement::Comparison;
-use crate::{Agreement, Coupled, StepReport, error::Result};
+use crate::{Agreement, Coupled, Interaction, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use voidage_dem::{Dem, Vector};
@@ -28,20 +32,24 @@ pub struct Iteration {
     pub most: usize,
     /// How the next push is made of the last ones: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default `"iqn-ils"`.
     pub relaxation: Relaxation,
-    /// Whether a step that does not reach the tolerance is done again in halves, quarters and so on down to 1/64. Default `false`.
+    /// Whether a step that does not reach the tolerance, or in which a grain moves further than `travel`, is done again in halves,
+    /// quarters and so on down to 1/64. Default `false`.
     pub auto: bool,
+    /// How far a grain may move in a step, in its diameters, before `auto` cuts the step: for a whole step it is pushed as where it was at
+    /// the start. Above 0; with `auto` only. Default 0.25.
+    pub travel: f64,
 }
 
 impl Default for Iteration {
     fn default() -> Self {
-        Self { tolerance: 1e-2, most: 20, relaxation: Relaxation::default(), auto: false }
+        Self { tolerance: 1e-2, most: 20, relaxation: Relaxation::default(), auto: false, travel: 0.25 }
     }
 }
 
 impl Iteration {
     /// One solution per step, whatever the disagreement.
     pub const ONCE: Self =
-        Self { tolerance: f64::INFINITY, most: 1, relaxation: Relaxation::IqnIls, auto: false };
+        Self { tolerance: f64::INFINITY, most: 1, relaxation: Relaxation::IqnIls, auto: false, travel: 0.25 };
 }
 
 /// How often a step may be halved.
@@ -49,6 +57,23 @@ const HALVINGS: u32 = 6;
 
 /// Ratio of disagreements from one solution to the next above which the mobilities are taken to be wrong.
 const SLOW: f64 = 0.7;
+
+/// Force of the fluid on each grain, N, and heat, W, over a step that is done in parts.
+#[derive(Default)]
+struct Mean<const D: usize> {
+    force: Vec<Vector<D>>,
+    heat: Vec<f64>,
+}
+
+impl<const D: usize> Mean<D> {
+    /// Adds a part that is a `share` of the step.
+    fn add(&mut self, part: &Interaction<D>, share: f64) {
+        self.force.resize(part.force.len(), Vector::zeros());
+        self.heat.resize(part.heat.len(), 0.0);
+        self.force.iter_mut().zip(&part.force).for_each(|(sum, force)| *sum += force * share);
+        self.heat.iter_mut().zip(&part.heat).for_each(|(sum, heat)| *sum += heat * share);
+    }
+}
 
 /// The scheme.
 pub struct Iterated<const D: usize> {
@@ -67,7 +92,7 @@ impl<const D: usize> Scheme<D> for Iterated<D> {
             coupled.move_grains(dt, &mut report);
             coupled.accept_part(dt);
         } else {
-            self.advance(coupled, dt, HALVINGS, &mut report)?;
+            self.advance(coupled, dt, &mut report)?;
         }
         coupled.end_step();
         Ok(report)
@@ -82,35 +107,55 @@ impl<const D: usize> Iterated<D> {
         Self { iteration, push, answer, anchor: Anchor::default(), relaxer }
     }
 
-    /// Advances by `dt`, in halves if need be and allowed, and accepts the parts.
-    fn advance(
-        &mut self,
-        coupled: &mut Coupled<D>,
-        dt: f64,
-        halvings: u32,
-        report: &mut StepReport,
-    ) -> Result<()> {
-        let may_halve = self.iteration.auto && halvings > 0;
-        let accepted = coupled.interaction.as_ref().filter(|_| may_halve).map(|both| both.at.clone());
-        let agreement = self.solve(coupled, dt, report)?;
-        if let (false, Some(accepted)) = (agreement.converged, accepted) {
-            coupled.grains.iter_mut().for_each(Dem::rewind);
-            // The halves start from the last accepted fluid, not from an answer that was none.
-            coupled.interaction.iter_mut().for_each(|both| both.at.clone_from(&accepted));
-            let spent = agreement.solves;
-            self.advance(coupled, 0.5 * dt, halvings - 1, report)?;
-            let first = report.agreement.take();
-            self.advance(coupled, 0.5 * dt, halvings - 1, report)?;
-            report.agreement = report.agreement.take().map(|last| last.after(first.as_ref(), spent));
-            return Ok(());
+    /// Advances by `dt`, in parts if need be and allowed, and accepts them.
+    fn advance(&mut self, coupled: &mut Coupled<D>, dt: f64, report: &mut StepReport) -> Result<()> {
+        // Counted in parts of the shortest length that there may be.
+        let whole = if self.iteration.auto { 1 << HALVINGS } else { 1 };
+        let (mut done, mut length, mut spent) = (0, whole, 0);
+        let (mut sum, mut mean) = (None::<Agreement>, Mean::default());
+        while done < whole {
+            let part = dt * f64::from(length) / f64::from(whole);
+            if length < whole {
+                coupled.move_mesh(|motion, time, points| motion.advance(time, part, points));
+            }
+            let accepted = coupled.interaction.as_ref().filter(|_| length > 1).map(|both| both.at.clone());
+            let agreement = self.solve(coupled, (part, dt), report)?;
+            let near = agreement.travel <= self.iteration.travel;
+            if let (false, Some(accepted)) = (agreement.converged && near, accepted) {
+                coupled.grains.iter_mut().for_each(Dem::rewind);
+                // The halves start from the last accepted fluid, not from an answer that was none.
+                coupled.interaction.iter_mut().for_each(|both| both.at.clone_from(&accepted));
+                spent += agreement.solves;
+                length /= 2;
+                continue;
+            }
+            let agreement = self.settle(coupled, part, agreement);
+            if let (true, Some(interaction)) = (length < whole, &coupled.interaction) {
+                mean.add(interaction, f64::from(length) / f64::from(whole));
+            }
+            sum = Some(agreement.after(sum.as_ref(), std::mem::take(&mut spent)));
+            coupled.accept_part(part);
+            done += length;
+            // As long again as the parts that are left allow, unless that is known to be too far.
+            let mut travel = 2.0 * agreement.travel;
+            while length < whole && done % (2 * length) == 0 && travel <= self.iteration.travel {
+                (length, travel) = (2 * length, 2.0 * travel);
+            }
         }
-        report.agreement = Some(self.settle(coupled, dt, agreement));
-        coupled.accept_part(dt);
+        if let (false, Some(interaction)) = (mean.force.is_empty(), &mut coupled.interaction) {
+            (interaction.force, interaction.heat) = (mean.force, mean.heat);
+        }
+        report.agreement = sum;
         Ok(())
     }
 
-    /// Solves fluid and grains for one step of `dt`; the grains stand at its end.
-    fn solve(&mut self, coupled: &mut Coupled<D>, dt: f64, report: &mut StepReport) -> Result<Agreement> {
+    /// Solves fluid and grains for `dt`, a part of a step of `whole`; the grains stand at its end.
+    fn solve(
+        &mut self,
+        coupled: &mut Coupled<D>,
+        (dt, whole): (f64, f64),
+        report: &mut StepReport,
+    ) -> Result<Agreement> {
         coupled.cut_grains(report)?;
         coupled.evaluate_closures(report);
         coupled.grains.iter_mut().for_each(Dem::mark);
@@ -121,11 +166,11 @@ impl<const D: usize> Iterated<D> {
         loop {
             solves += 1;
             let substeps = report.grains.map_or(1, |grains| grains.substeps);
-            self.anchor.fill(coupled, &self.push, (dt, substeps), cautious);
+            self.anchor.fill(coupled, &self.push, Times { dt, whole, substeps }, cautious);
             coupled.solve_fluid(dt, report)?;
             self.answer.read(coupled);
             coupled.push_grains(dt, &self.answer, report);
-            let mut agreement = Agreement { solves, ..agreement(coupled, dt) };
+            let mut agreement = Agreement { solves, ..agreement(coupled, dt, whole) };
             let now = agreement.disagreement.max(agreement.heat_disagreement);
             agreement.converged = now <= self.iteration.tolerance;
             if agreement.converged || solves >= self.iteration.most {
@@ -145,18 +190,17 @@ impl<const D: usize> Iterated<D> {
         let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else {
             return agreement;
         };
-        // While it is taken out, what is pending is of this step alone.
         let Some(mut carried) = interaction.carried.take() else { return agreement };
         let (push, moved) = (&self.answer, grains.mean_velocity());
         for i in 0..moved.len() {
-            carried.impulse[i] += interaction.pending(moved[i], dt, i);
-            carried.displacement[i] += interaction.pending_flux(moved[i], dt, i);
+            carried.impulse[i] += interaction.missed(moved[i], i) * dt;
+            carried.displacement[i] += interaction.missed_in_flux(moved[i], i) * dt;
             interaction.force[i] = push.force[i] - moved[i] * interaction.load.drag[i];
         }
         if let Some(law) = &interaction.load.heat {
             let warmed = grains.mean_temperature();
             for i in 0..warmed.len() {
-                carried.heat[i] += interaction.pending_heat(law, warmed[i], dt, i);
+                carried.heat[i] += law.missed(&interaction.at, warmed[i], i) * dt;
                 interaction.heat[i] = push.heat[i] - law.coefficient[i] * warmed[i];
             }
         }
@@ -176,23 +220,27 @@ fn rehearse<const D: usize>(coupled: &mut Coupled<D>, dt: f64, push: &Push<D>, r
     coupled.grains.iter_mut().for_each(Dem::rewind);
 }
 
-/// How far the grains, which have moved, are from what the fluid expected.
-fn agreement<const D: usize>(coupled: &Coupled<D>, dt: f64) -> Agreement {
+/// How far the grains, which have moved by `dt` in a step of `whole`, are from what the fluid expected.
+fn agreement<const D: usize>(coupled: &Coupled<D>, dt: f64, whole: f64) -> Agreement {
     let (Some(grains), Some(interaction)) = (&coupled.grains, &coupled.interaction) else {
         return Agreement::default();
     };
     let (load, at) = (&interaction.load, &interaction.at);
     let comparison =
         Comparison { grains, load, density: interaction.laws.density, dt, force: &interaction.force };
-    let moved = grains.mean_velocity();
+    let (moved, carried) = (grains.mean_velocity(), interaction.carried.as_ref());
+    let late = |i: usize| carried.map_or_else(Vector::zeros, |carried| carried.impulse[i] / whole);
     let mut agreement = comparison
-        .motion(|i| (interaction.pending(moved[i], dt, i) / dt, load.expected_in_flux(at, i) - moved[i]));
+        .motion(|i| (late(i) + interaction.missed(moved[i], i), interaction.missed_in_flux(moved[i], i)));
+    let diameters = |(v, radius): (&Vector<D>, &f64)| v.norm() * dt / (2.0 * radius);
+    agreement.travel = moved.iter().zip(&grains.particles.radius).map(diameters).fold(0.0, f64::max);
     if let (Some(law), Some(heat)) = (&load.heat, &grains.particles.heat) {
         let all = at.temperature.iter().chain(&heat.temperature);
         let bounds = all.fold((f64::MAX, f64::MIN), |(low, high), t| (low.min(*t), high.max(*t)));
-        let warmed = grains.mean_temperature();
+        let (warmed, late) =
+            (grains.mean_temperature(), |i: usize| carried.map_or(0.0, |carried| carried.heat[i] / whole));
         agreement.heat_disagreement =
-            comparison.heat(law, bounds, |i| interaction.pending_heat(law, warmed[i], dt, i) / dt);
+            comparison.heat(law, bounds, |i| late(i) + law.missed(at, warmed[i], i));
     }
     agreement
 }

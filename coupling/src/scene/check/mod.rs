@@ -57,6 +57,16 @@ pub(super) fn structure(scene: &Scene) -> Checked {
 fn iteration(scene: &Scene, iteration: &Iteration) -> Checked {
     positive(scene, "coupling.iteration.tolerance", iteration.tolerance)?;
     positive(scene, "coupling.iteration.most", iteration.most as f64)?;
+    positive(scene, "coupling.iteration.travel", iteration.travel)?;
+    if !iteration.auto && iteration.travel != Iteration::default().travel {
+        let message = format!("`coupling.iteration.travel = {}`, but no step may be cut", iteration.travel);
+        return fail(
+            scene,
+            "coupling.iteration.travel",
+            message,
+            "set `coupling.iteration.auto = true`, or take `travel` away",
+        );
+    }
     match iteration.relaxation {
         Relaxation::Constant(omega) if !(omega > 0.0 && omega <= 1.0) => {
             let message = format!("`coupling.iteration.relaxation.constant` is {omega}");
