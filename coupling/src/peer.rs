@@ -66,7 +66,8 @@ impl Peer {
                 Event::Frame(frame) => {
                     self.request = *frame.header();
                     self.arrived = Instant::now();
-                    self.heart.beat(true);
+                    // Nobody waits for an answer to a goodbye, and the run may be gone before it has been read.
+                    self.heart.beat(frame.kind() != Kind::Bye);
                     return Ok(Some(*frame));
                 }
                 Event::Heartbeat | Event::Nothing if left.is_zero() => return Ok(None),
@@ -137,8 +138,9 @@ impl Heart {
         let thread = thread::spawn(move || {
             while !must_stop.load(Ordering::Relaxed) {
                 thread::park_timeout(BEAT);
-                let there = !may_beat.load(Ordering::Relaxed) || pulse();
-                if !there && must_end.load(Ordering::Relaxed) {
+                let answering = || may_beat.load(Ordering::Relaxed);
+                // The answer may have gone out, and the run ended, since the first look.
+                if answering() && !pulse() && answering() && must_end.load(Ordering::Relaxed) {
                     end();
                 }
             }
@@ -171,5 +173,43 @@ impl Drop for Heart {
             // It only ends early by a panic, which has been printed.
             let _ = thread.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// It once ended with exit code 1, at times: the goodbye counted as a request.
+    #[test]
+    fn a_solver_that_has_read_a_goodbye_outlives_the_run() -> Result<(), PeerError> {
+        for address in [Address::unique(), Address::any_port()] {
+            let wait = Duration::from_secs(5);
+            let (mut run, address) = transport::listen(&address, wait)?;
+            let say = |run: &mut dyn Channel, kind, text: &str| {
+                let length = numbers_for_text(text);
+                let mut payload = run.loan(length)?;
+                write_text(text, payload.payload_mut());
+                run.send(
+                    &Header { text: text.len() as u64, length: length as u64, ..Header::new(kind) },
+                    payload,
+                )
+            };
+            let solver = thread::spawn(move || {
+                let (mut peer, _) = Peer::connect(&address, "a test", wait)?;
+                peer.end_with_run();
+                let last = peer.receive(wait)?.map(|frame| frame.kind());
+                // Long enough for the thread that looks after the run.
+                thread::sleep(4 * BEAT);
+                Ok::<_, PeerError>(last)
+            });
+            transport::receive(&mut *run, wait, || Ok(()))?;
+            say(&mut *run, Kind::Hello, "{}")?;
+            say(&mut *run, Kind::Bye, "")?;
+            drop(run);
+            let last = solver.join().expect("no panic")?;
+            assert_eq!(last, Some(Kind::Bye));
+        }
+        Ok(())
     }
 }
