@@ -195,10 +195,12 @@ mod tests {
                     payload,
                 )
             };
+            let (tell, told) = std::sync::mpsc::channel();
             let solver = thread::spawn(move || {
                 let (mut peer, _) = Peer::connect(&address, "a test", wait)?;
                 peer.end_with_run();
                 let last = peer.receive(wait)?.map(|frame| frame.kind());
+                let _ = tell.send(());
                 // Long enough for the thread that looks after the run.
                 thread::sleep(4 * BEAT);
                 Ok::<_, PeerError>(last)
@@ -206,6 +208,7 @@ mod tests {
             transport::receive(&mut *run, wait, || Ok(()))?;
             say(&mut *run, Kind::Hello, "{}")?;
             say(&mut *run, Kind::Bye, "")?;
+            let _ = told.recv();
             drop(run);
             let last = solver.join().expect("no panic")?;
             assert_eq!(last, Some(Kind::Bye));
