@@ -36,10 +36,8 @@ pub struct Agreement {
     pub heat_disagreement: f64,
     /// Whether both are within the tolerance; always for schemes that solve the fluid once.
     pub converged: bool,
-    /// The grain that disagrees most.
-    pub worst: u32,
-    /// |v - v*| of that grain, m/s.
-    pub worst_speed: f64,
+    /// The grains that disagree most and |v - v*| of each, m/s; the worst first, `None` where fewer disagree.
+    pub worst: [Option<(u32, f64)>; 3],
     /// How far the grain that moved furthest did so in a part of the step, in its diameters; zero for schemes that do not look.
     pub travel: f64,
     /// Parts that the step was done in.
@@ -67,15 +65,17 @@ impl<const D: usize> Comparison<'_, D> {
     pub fn motion(&self, difference: impl Fn(usize) -> (Vector<D>, Vector<D>)) -> Agreement {
         let (particles, gravity) = (&self.grains.particles, self.grains.settings().gravity.norm());
         let mut agreement = Agreement { solves: 1, parts: 1, converged: true, ..Agreement::default() };
-        let (mut sum, mut scale, mut most) = (0.0, 0.0, 0.0);
+        let (mut sum, mut scale, mut most) = (0.0, 0.0, [0.0; 3]);
         for i in (0..particles.len()).filter(|&i| !particles.held(i)) {
             let (force, velocity) = difference(i);
             let inertia = self.density * self.load.volume[i] / self.dt;
             let worth = force.norm_squared() + (velocity * inertia).norm_squared();
             sum += worth;
             scale += (particles.mass[i] * gravity).powi(2) + self.force[i].norm_squared();
-            if worth > most {
-                (most, agreement.worst, agreement.worst_speed) = (worth, i as u32, velocity.norm());
+            if let Some(place) = most.iter().position(|&other| worth > other) {
+                most[place..].rotate_right(1);
+                agreement.worst[place..].rotate_right(1);
+                (most[place], agreement.worst[place]) = (worth, Some((i as u32, velocity.norm())));
             }
         }
         agreement.disagreement = share(sum, scale);
@@ -117,11 +117,24 @@ impl Agreement {
             true => format!("; temperatures by {:.1e} of their range", self.heat_disagreement),
             false => String::new(),
         };
+        let worst: Vec<_> = self
+            .worst
+            .iter()
+            .flatten()
+            .map(|(grain, speed)| format!("{grain} (by {speed:.1e} m/s)"))
+            .collect();
+        let grains = match worst.is_empty() {
+            true => String::new(),
+            false => format!(", most at grain {}", worst.join(", ")),
+        };
+        let help = match self.parts > 1 {
+            true => "the step was cut as far as coupling.iteration.auto does: set",
+            false => "set coupling.iteration.auto = true (steps in halves where needed),",
+        };
         let text = format!(
-            "grains and fluid disagree by {:.1e} of weight and force after {} solutions, most at grain {} \
-             (by {:.1e} m/s){heat}\n  help: set coupling.iteration.auto = true (steps in halves where needed), \
-             more coupling.iteration.most, or a smaller time.step",
-            self.disagreement, self.solves, self.worst, self.worst_speed
+            "grains and fluid disagree by {:.1e} of weight and force after {} solutions{grains}{heat}\n  \
+             help: {help} more coupling.iteration.most, or a smaller time.step",
+            self.disagreement, self.solves
         );
         (!self.converged).then_some(text)
     }

@@ -134,7 +134,9 @@ impl<const D: usize> Overlap<D> {
             if let Some(grain) = chunk.outside {
                 let grain = i * CHUNK + grain;
                 return Err(Error::Mesh(format!(
-                    "grain {grain} at {:?} of radius {} lies outside of the mesh",
+                    "grain {grain} at {:?} of radius {} lies outside of the mesh\n  \
+                     help: keep grains in by [[walls]]; where a long step throws them out, coupling.iteration.auto = true \
+                     or a smaller time.step",
                     positions[grain].as_slice(),
                     radii[grain]
                 )));
