@@ -292,3 +292,25 @@ fn a_full_disk_ends_with_a_message_and_leaves_what_was_written() {
     }
     check_what_is_left(&said, output.status.code(), &folder.path().join("kept"));
 }
+
+/// Points run beside each other and end in any order; a map that was stopped goes on behind what is there.
+#[test]
+fn the_map_is_the_same_with_any_threads_and_after_a_stop() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = |out: &str, threads: &str| {
+        let axes = ["--only", "heat", "--only", "remesh"];
+        let options = ["stability", "--quick", "--quiet", "--out", out, "--threads", threads];
+        voidage().current_dir(folder.path()).args(options).args(axes).assert().success();
+        let read = |name: &str| fs::read_to_string(folder.path().join(out).join(name)).unwrap();
+        [read("stability.csv"), read("curves.csv")]
+    };
+    let whole = map("one", "1");
+    assert_eq!(whole, map("two", "2"));
+    // As if the first points had not ended.
+    let rows: Vec<&str> = whole[0].lines().collect();
+    assert!(rows.len() > 20);
+    let kept = [&rows[..1], &rows[5..]].concat().join("\n") + "\n";
+    fs::create_dir(folder.path().join("stopped")).unwrap();
+    fs::write(folder.path().join("stopped/stability.csv"), kept).unwrap();
+    assert_eq!(whole[0], map("stopped", "2")[0]);
+}

@@ -25,6 +25,8 @@ use crate::suite::Suite;
 use crate::verify::Effort;
 use clap::Args;
 use record::{Record, Row};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use tracing::warn;
 use voidage_coupling::recorder::create_folder;
 use voidage_coupling::scheme::SchemeName;
@@ -82,23 +84,15 @@ pub fn stability(options: &Options) -> Result<u8> {
         return Ok(0);
     }
     let mut record = Record::open(&folder)?;
-    let points = |axis: &Axis| (axis.points)(effort);
     let of = |axis: &Axis| if axis.coupled { schemes.clone() } else { vec![SchemeName::default()] };
-    let all: usize = chosen.iter().map(|axis| points(axis).len() * of(axis).len()).sum();
-    let progress = Progress::of("point", 0, all as u64, suite.quiet);
-    let mut done = 0;
+    let mut points = Vec::new();
     for axis in &chosen {
-        for point in points(axis) {
-            for scheme in of(axis) {
-                done += 1;
-                if !record.has(axis, scheme, point) {
-                    progress.tell(done - 1, axis.name);
-                    record.add(axis, scheme, point, &sample(axis, point, scheme, effort))?;
-                }
-            }
+        for point in (axis.points)(effort) {
+            points.extend(of(axis).into_iter().map(|scheme| (axis, point, scheme)));
         }
     }
-    progress.tell(done, "done");
+    map(&points, &mut record, effort, suite.quiet)?;
+    record.arrange(&axes())?;
     let rows = || record.rows().iter().filter(|row| chosen.iter().any(|axis| axis.name == row.axis));
     for axis in &chosen {
         let drawn: Vec<Panel> =
@@ -115,6 +109,39 @@ pub fn stability(options: &Options) -> Result<u8> {
     }
     let default = rows().filter(|row| row.scheme == SchemeName::default());
     Ok(u8::from(default.into_iter().any(|row| row.verdict != Verdict::Passes)))
+}
+
+/// A point of the map.
+type Point<'a> = (&'a Axis, [f64; 2], SchemeName);
+
+/// Runs the points that are not in the record yet, as many at once as there are threads; each is in the record when it ends.
+fn map(points: &[Point], record: &mut Record, effort: Effort, quiet: bool) -> Result<()> {
+    let missing: Vec<&Point> =
+        points.iter().filter(|(axis, point, scheme)| !record.has(axis, *scheme, *point)).collect();
+    let (known, next) = (points.len() - missing.len(), AtomicUsize::new(0));
+    let progress = Progress::of("point", known as u64, points.len() as u64, quiet);
+    let shared = Mutex::new((record, known as u64, progress));
+    // Not an iterator of rayon: a thread that waits for a part of its point would begin another point meanwhile.
+    let ends: Vec<Result<()>> = rayon::broadcast(|_| {
+        let lock = || shared.lock().unwrap_or_else(PoisonError::into_inner);
+        while let Some(&(axis, point, scheme)) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
+            {
+                let (_, done, progress) = &*lock();
+                progress.tell(*done, axis.name);
+            }
+            let sample = sample(axis, *point, *scheme, effort);
+            let (record, done, _) = &mut *lock();
+            *done += 1;
+            if let Err(error) = record.add(axis, *scheme, *point, &sample) {
+                next.store(missing.len(), Ordering::Relaxed);
+                return Err(error);
+            }
+        }
+        Ok(())
+    });
+    let (_, done, progress) = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+    progress.tell(done, "done");
+    ends.into_iter().collect()
 }
 
 /// Runs a point; one that ends with an error is a sample too.

@@ -88,6 +88,23 @@ impl<T: Serialize + DeserializeOwned> Table<T> {
         self.rows.push(row);
         Ok(())
     }
+
+    /// Sorts the rows, in the file too; those of the same key stay as they are.
+    fn sort<K: Ord>(&mut self, key: impl Fn(&T) -> K) -> Result<()> {
+        if self.rows.is_sorted_by_key(&key) {
+            return Ok(());
+        }
+        self.rows.sort_by_key(key);
+        let failed = |error: csv::Error| Error::Run(format!("cannot write {}: {error}", self.path.display()));
+        // Beside it first: what is there is whole at any time.
+        let beside = self.path.with_extension("part");
+        let mut writer = csv::Writer::from_path(&beside).map_err(failed)?;
+        self.rows.iter().try_for_each(|row| writer.serialize(row)).map_err(failed)?;
+        writer.flush().map_err(|error| failed(error.into()))?;
+        std::fs::rename(&beside, &self.path).map_err(|error| Error::file(&self.path, "write", error))?;
+        self.writer = writer;
+        Ok(())
+    }
 }
 
 /// The tables in the making.
@@ -113,6 +130,17 @@ impl Record {
     /// All places of curves.
     pub fn places(&self) -> &[Place] {
         &self.places.rows
+    }
+
+    /// Puts the points in the order of the axes, their parameters and the schemes, whatever the order in which they ended.
+    ///
+    /// # Errors
+    /// The tables cannot be written.
+    pub fn arrange(&mut self, axes: &[Axis]) -> Result<()> {
+        let rank = |name: &str| axes.iter().position(|axis| axis.name == name);
+        // The parameters are not negative: their bits are in the order of their values.
+        self.points.sort(|row| (rank(&row.axis), row.x.to_bits(), row.y.to_bits(), row.scheme as usize))?;
+        self.places.sort(|row| (rank(&row.axis), row.x.to_bits(), row.y.to_bits(), row.scheme as usize))
     }
 
     /// Whether a point is there.
