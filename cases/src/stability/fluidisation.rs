@@ -28,6 +28,9 @@ use voidage_coupling::{Coupled, Error, Result};
 use voidage_dem::Particles;
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
 
+/// Name of the curve that those on the way up and down are measured against.
+pub const LAW: &str = "min(drag law, weight)";
+
 /// Inflows over the fluidisation velocity on the way up; the way down is the same.
 const INFLOWS: [f64; 13] = [0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2, 1.25, 1.3];
 const FEW: [f64; 4] = [0.3, 0.6, 0.9, 1.2];
@@ -134,7 +137,7 @@ fn curve(
         }
         let [drop, expected] = [drop, expected].map(|drop| drop / lying.weight);
         curves.push((if k < up.len() { "up" } else { "down" }, inflow, drop));
-        curves.push(("min(drag law, weight)", inflow, expected));
+        curves.push((LAW, inflow, expected));
     }
     Ok(Sample { curves, ..Sample::judge(worst.abs() < 1e3, worst, 1.0, ALLOWED, tally) })
 }

@@ -1,6 +1,7 @@
 //! Pictures beyond the maps: the law of a bed at rest against the step, and fluidisation curves.
 
 use super::bed::{GAS, LIQUID};
+use super::fluidisation::LAW;
 use super::record::{Place, Record};
 use crate::plot::panels::{self, Curve, Panel};
 use std::path::{Path, PathBuf};
@@ -83,15 +84,22 @@ fn fluidisation(axis: &str, title: &str, scheme: SchemeName, places: &[Place]) -
     let mut steps: Vec<f64> = here.iter().map(|place| place.y).collect();
     steps.sort_by(f64::total_cmp);
     steps.dedup();
-    // The drag law of the bed as it lay at first is in proportion to the inflow at these Reynolds numbers.
-    let first = here.iter().find(|place| place.curve == "min(drag law, weight)")?;
-    let (slope, last) = (first.value / first.at, here.iter().fold(0.0, |most: f64, p| most.max(p.at)));
-    let law = vec![(0.0, 0.0), (1.0 / slope, 1.0), (last.max(1.0 / slope), 1.0)];
+    // The law of the first bed on its first way up, while it lies as it was packed; on in proportion to the inflow.
+    let mut law = vec![(0.0, 0.0)];
+    for place in here.iter().filter(|place| place.curve == LAW) {
+        if place.at >= 1.0 || law.last().is_some_and(|&(before, _)| place.at <= before) {
+            break;
+        }
+        law.push((place.at, place.value));
+    }
+    let &(at, value) = law.last().filter(|&&(at, _)| at > 0.0)?;
+    let last = here.iter().fold(at / value, |most: f64, place| most.max(place.at));
+    law.extend([(at / value, 1.0), (last, 1.0)]);
     let mut panel = Panel::new(title, "inflow / fluidisation velocity", "pressure drop / weight of the bed");
     panel.headroom = 0.35;
     panel.curves = vec![Curve::line("min(drag law, weight) of the bed as it lay", law)];
     for step in steps {
-        let on = here.iter().filter(|place| place.y == step && place.curve != "min(drag law, weight)");
+        let on = here.iter().filter(|place| place.y == step && place.curve != LAW);
         panel.curves.push(Curve::joined(format!("dt/\u{3c4} = {step}"), mean(on)));
     }
     Some(panel)
