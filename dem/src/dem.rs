@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::mark::Mark;
 use crate::memory::{Memory, WALL};
+use crate::penetration::Moved;
 use crate::scene::Scene;
 use crate::search::Search;
 use crate::solver::{Grains, Problem, Stopping};
@@ -52,7 +53,7 @@ pub struct State<const D: usize> {
 }
 
 /// What a grain touches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Partner {
     /// Another grain, by number.
     Grain(u32),
@@ -324,27 +325,21 @@ impl<const D: usize> Dem<D> {
             report.contacts = problem.contacts.iter().filter(|c| c.acts()).count();
         }
         self.problem = problem;
-        if last {
-            report.max_penetration_over_radius = self.deepest_overlap(h);
-        }
+        self.measure_penetration(h, report);
     }
 
-    /// Largest overlap after the motion, as a share of the smaller radius.
-    fn deepest_overlap(&self, h: f64) -> f64 {
-        let p = &self.particles;
-        let n = p.len();
-        self.problem.contacts.iter().fold(0.0, |deepest: f64, c| {
-            let i = self.search.grid.order[c.i as usize] as usize;
-            let (other, radius, smaller) = if (c.j as usize) < n {
-                let j = self.search.grid.order[c.j as usize] as usize;
-                (p.position[j], p.radius[i] + p.radius[j], p.radius[i].min(p.radius[j]))
-            } else {
-                let touch = self.search.touches[c.j as usize - n];
-                let moved = self.placed[touch.wall as usize].after(h);
-                (moved.point(moved.nearest(&p.position[i])), p.radius[i], p.radius[i])
-            };
-            deepest.max((radius - (other - p.position[i]).norm()) / smaller)
-        })
+    /// Keeps the deepest overlap so far of the step.
+    fn measure_penetration(&self, h: f64, report: &mut StepReport) {
+        let moved = Moved { particles: &self.particles, walls: &self.placed, h };
+        let mut deepest = moved.deepest(self.contacts().map(|c| (c.grain, c.partner)));
+        if !report.converged {
+            // Contacts may have been missed.
+            let walls = moved.deepest_in_walls();
+            deepest = if walls.depth > deepest.depth { walls } else { deepest };
+        }
+        if deepest.depth > report.max_penetration_over_radius {
+            (report.max_penetration_over_radius, report.deepest) = (deepest.depth, deepest.between);
+        }
     }
 
     /// Mean velocity of each grain over the last step, m/s; empty without implicit drag ([`Load::drag`]).

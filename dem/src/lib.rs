@@ -24,6 +24,7 @@ mod momentum;
 mod neighbours;
 pub mod packing;
 mod particles;
+mod penetration;
 mod scene;
 mod search;
 mod settings;

@@ -1,5 +1,6 @@
 //! What a run of grains is told, and what a step tells back.
 
+use crate::dem::Partner;
 use crate::error::{Error, Result, check};
 use crate::heat::Conduction;
 use crate::space::Vector;
@@ -134,8 +135,11 @@ pub struct StepReport {
     pub sweeps: usize,
     /// Largest relative natural map of the sub-steps.
     pub residual: f64,
-    /// Largest overlap at the end, as a share of the radius of the smaller grain.
+    /// Largest overlap of grains with each other and with walls after a sub-step, as a share of the radius of the smaller grain; more
+    /// than 1 for a grain whose centre has passed a wall.
     pub max_penetration_over_radius: f64,
+    /// The grain that overlaps so, and what it overlaps; `None` where nothing overlaps.
+    pub deepest: Option<(u32, Partner)>,
     /// Whether every sub-step reached the tolerance, in momentum and in heat, and there were as many as grains so fast need.
     pub converged: bool,
     /// Sub-steps repeated because a grain became faster than the search for its contacts had assumed.
@@ -144,4 +148,20 @@ pub struct StepReport {
     pub wall_heat: f64,
     /// Iterations of the implicit heat equation, all sub-steps together.
     pub heat_iterations: usize,
+}
+
+impl StepReport {
+    /// This part of a step after another one: the worse of both in what contacts should bring, the rest as of this part.
+    pub fn after(self, first: Option<&Self>) -> Self {
+        let Some(first) = first else { return self };
+        let deeper = first.max_penetration_over_radius > self.max_penetration_over_radius;
+        let deepest = if deeper { first } else { &self };
+        Self {
+            residual: first.residual.max(self.residual),
+            converged: first.converged && self.converged,
+            max_penetration_over_radius: deepest.max_penetration_over_radius,
+            deepest: deepest.deepest,
+            ..self
+        }
+    }
 }
