@@ -32,7 +32,7 @@ pub struct Agreement {
     /// gamma |v - v*| and rho_f V/dt |v - v*|, of momentum and of the solid flux, over weight and force: root of the
     /// sums of squares over the grains.
     pub disagreement: f64,
-    /// hA |T - T*| over hA times the range of temperatures, likewise; zero without heat.
+    /// hA |T - T*|, as far as it is beyond the accuracy of the temperatures, over hA times their range, likewise; zero without heat.
     pub heat_disagreement: f64,
     /// Whether both are within the tolerance; always for schemes that solve the fluid once.
     pub converged: bool,
@@ -81,13 +81,35 @@ impl<const D: usize> Comparison<'_, D> {
         agreement.disagreement = share(sum, scale);
         agreement
     }
+}
 
+/// Least relative accuracy of a temperature: the mean over a thousand sub-steps adds as many rounding errors up.
+const ROUND_OFF: f64 = 1e3 * f64::EPSILON;
+
+/// Temperatures of a step, to compare differences of heat with.
+#[derive(Clone, Copy, Debug)]
+pub struct Temperatures {
+    /// Lowest and highest temperature of grains and of the fluid at them, K.
+    pub bounds: (f64, f64),
+    /// Relative residual to which the energy equation of the fluid is solved.
+    pub tolerance: f64,
+}
+
+impl Temperatures {
     /// Weighs the heat that the fluid did not lose (W, by grain) against hA times the range of temperatures.
-    pub fn heat(&self, law: &HeatLoad, bounds: (f64, f64), difference: impl Fn(usize) -> f64) -> f64 {
+    ///
+    /// It is the difference of two numbers of the size of hA T. One of them comes from an equation whose terms have the size of C T / dt
+    /// and hA T and which is solved to a relative residual, so that T is known to about this share of itself, and to no less than rounding
+    /// leaves. What is within that is no disagreement: where all temperatures are equal, their range consists of such errors too, and
+    /// further solutions change nothing. It is taken off the difference and not put into the scale, which remains the range: with the default of
+    /// 1e-8 at 300 K a disagreement of 1e-5 K counts, however small the range is.
+    pub fn disagreement(&self, law: &HeatLoad, difference: impl Fn(usize) -> f64) -> f64 {
+        let (low, high) = self.bounds;
+        let unknown = self.tolerance.max(ROUND_OFF) * high.abs().max(low.abs());
         let (mut sum, mut scale) = (0.0, 0.0);
         for (i, coefficient) in law.coefficient.iter().enumerate() {
-            sum += difference(i).powi(2);
-            scale += (coefficient * (bounds.1 - bounds.0)).powi(2);
+            sum += (difference(i).abs() - coefficient * unknown).max(0.0).powi(2);
+            scale += (coefficient * (high - low)).powi(2);
         }
         share(sum, scale)
     }
@@ -151,6 +173,36 @@ impl Agreement {
             parts: first.parts + self.parts,
             carried: self.carried,
             ..*worse
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten grains whose temperatures differ from what the fluid expected by so much, K, in a bed at 300 K with a range of `range`, K.
+    fn disagreement(difference: f64, range: f64) -> f64 {
+        let coefficient: Vec<f64> = (1..=10).map(f64::from).collect();
+        let none = vec![0.0; 10];
+        let law = HeatLoad { coefficient, mobility: none.clone(), temperature: none };
+        let temperatures = Temperatures { bounds: (300.0, 300.0 + range), tolerance: 1e-8 };
+        temperatures.disagreement(&law, |i| law.coefficient[i] * difference)
+    }
+
+    #[test]
+    fn rounding_errors_of_equal_temperatures_do_not_disagree() {
+        for range in [0.0, 6e-14, 1e-12, 1e-6] {
+            assert_eq!(disagreement(1e-12, range), 0.0, "range {range}");
+        }
+    }
+
+    #[test]
+    fn a_small_range_of_temperatures_is_still_what_differences_are_compared_with() {
+        for (difference, range) in [(5e-5, 1e-3), (1.0, 20.0), (1e-3, 1e-3)] {
+            let share = difference / range;
+            let found = disagreement(difference, range);
+            assert!(found > 0.9 * share && found <= share, "{difference} K of {range} K: {found}");
         }
     }
 }

@@ -71,7 +71,8 @@ fn interaction(
             _ => Vec::new(),
         },
     };
-    Interaction::new(laws, &fluid.mesh, grains, at)
+    let interaction = Interaction::new(laws, &fluid.mesh, grains, at)?;
+    Ok(Interaction { heat_tolerance: described.solver.tolerance, ..interaction })
 }
 
 fn initial_velocity(fluid: &scene::Fluid) -> Vector<2> {

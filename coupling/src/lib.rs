@@ -41,6 +41,7 @@ use std::time::Instant;
 use voidage_dem::{Dem, Load};
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::exchange::{AtBodies, at_piece};
+use voidage_fluid::flow::Numerics;
 use voidage_fluid::{Mesh, Vector};
 
 /// Wall time of the phases of a step, s.
@@ -171,6 +172,8 @@ pub struct Interaction<const D: usize> {
     pub force: Vec<Vector<D>>,
     /// Heat from the fluid to each grain, mean over the last step, W; empty without heat.
     pub heat: Vec<f64>,
+    /// Relative residual to which the fluid solver solves its energy equation: temperatures are known to about this share.
+    pub heat_tolerance: f64,
     /// What the fluid still has to give; absent with schemes that move the grains by the force of the law.
     pub carried: Option<Carried<D>>,
     overlap: Overlap<D>,
@@ -191,7 +194,7 @@ pub struct Coupled<const D: usize> {
 }
 
 impl<const D: usize> Interaction<D> {
-    /// The exchange of `grains` with a fluid on `mesh`; `at` is the fluid at the grains in the beginning.
+    /// The exchange of `grains` with a fluid on `mesh`, solved to the default tolerance; `at` is the fluid at the grains in the beginning.
     ///
     /// # Errors
     /// A mesh that cannot be searched.
@@ -213,7 +216,9 @@ impl<const D: usize> Interaction<D> {
         }
         let force = vec![Vector::zeros(); count];
         let overlap = Overlap::new(mesh)?;
-        Ok(Self { laws, load, at, voidage: vec![1.0; count], force, heat, carried: None, overlap })
+        let heat_tolerance = Numerics::default().heat.tolerance;
+        let (voidage, carried) = (vec![1.0; count], None);
+        Ok(Self { laws, load, at, voidage, force, heat, heat_tolerance, carried, overlap })
     }
 }
 

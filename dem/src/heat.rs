@@ -182,7 +182,8 @@ impl Conductor {
         // The start, without contacts, leaves the net flux as residual.
         self.exchange(&wall);
         self.residual.clone_from(&self.into_grain);
-        let small = TOLERANCE * (high - low).max(0.0);
+        // Less than rounding leaves of a temperature is nothing, where all of them are equal.
+        let small = (TOLERANCE * (high - low)).max(f64::EPSILON * high.abs().max(low.abs()));
         let outcome = self.conjugate_gradients(small);
         self.exchange(&wall);
         self.out_of_wall.clear();

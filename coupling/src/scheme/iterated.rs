@@ -6,7 +6,8 @@
 //! `anchored` stops after the first solution.
 //!
 //! **Agreement** is measured by what the difference of velocity is worth to the fluid, (gamma + rho_f V/dt) |v - v*|, over all
-//! grains against their weight and force ([`crate::Agreement`]); of heat by hA |T - T*| against hA times the range of temperatures.
+//! grains against their weight and force ([`crate::Agreement`]); of heat by hA |T - T*|, as far as it is beyond
+//! the accuracy of the temperatures, against hA times their range.
 //!
 //! **Parts of steps.** A step that ends in disagreement, or in which a grain moves far, can be done in parts ([`Iteration::auto`]): halves
 //! until one is good, which is accepted; the next one is twice as long again where that is not known to be too far and the whole step
@@ -15,7 +16,7 @@
 use super::Scheme;
 use super::anchored::{Anchor, Push, Times};
 use super::relaxation::{Relaxation, Relaxer};
-use crate::agreement::Comparison;
+use crate::agreement::{Comparison, Temperatures};
 use crate::{Agreement, Coupled, Interaction, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -239,8 +240,9 @@ fn agreement<const D: usize>(coupled: &Coupled<D>, dt: f64, whole: f64) -> Agree
         let bounds = all.fold((f64::MAX, f64::MIN), |(low, high), t| (low.min(*t), high.max(*t)));
         let (warmed, late) =
             (grains.mean_temperature(), |i: usize| carried.map_or(0.0, |carried| carried.heat[i] / whole));
+        let temperatures = Temperatures { bounds, tolerance: interaction.heat_tolerance };
         agreement.heat_disagreement =
-            comparison.heat(law, bounds, |i| late(i) + law.missed(at, warmed[i], i));
+            temperatures.disagreement(law, |i| late(i) + law.missed(at, warmed[i], i));
     }
     agreement
 }
