@@ -99,12 +99,17 @@ impl Relaxer {
     }
 }
 
-/// The coefficients of `columns` whose sum comes nearest to `target`, from the normal equations scaled to unit columns.
+/// The coefficients of `columns` whose sum comes nearest to `target`, from the normal equations scaled to unit columns; `None` if
+/// they are no numbers. A column of zeros, where nothing but rounding is left to solve, gets zero.
 fn least_squares(columns: &[DVector<f64>], target: &DVector<f64>) -> Option<DVector<f64>> {
     let norms: Vec<f64> = columns.iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
     let count = columns.len();
-    let gram = DMatrix::from_fn(count, count, |i, j| columns[i].dot(&columns[j]) / (norms[i] * norms[j]));
+    let gram = DMatrix::from_fn(count, count, |i, j| columns[i].dot(&columns[j]) / norms[i] / norms[j]);
     let known = DVector::from_fn(count, |i, _| columns[i].dot(target) / norms[i]);
+    // The decomposition of what is no number would never end.
+    if !gram.iter().chain(known.iter()).all(|number| number.is_finite()) {
+        return None;
+    }
     let scaled = gram.svd(true, true).solve(&known, NOISE).ok()?;
     Some(DVector::from_fn(count, |i, _| scaled[i] / norms[i]))
 }
@@ -154,6 +159,20 @@ mod tests {
             x = relaxer.next(x, g.clone(), r).unwrap_or(g);
         }
         assert!((&matrix * &x + &constant - &x).norm() < 1e-9, "{x}");
+    }
+
+    /// Iterates that no longer differ, as where rounding is all that is left: the model held 0/0, and its decomposition never ended.
+    #[test]
+    fn a_model_of_equal_iterates_ends() {
+        let mut relaxer = Relaxer::new(Relaxation::IqnIls);
+        let numbers = |x: f64, y: f64| DVector::from_row_slice(&[x, y]);
+        for _ in 0..4 {
+            let next = relaxer.next(numbers(1.0, 2.0), numbers(3.0, 4.0), numbers(2.0, 2.0));
+            assert!(next.is_none_or(|next| next == numbers(3.0, 4.0)));
+        }
+        // Nor is there a model of what is no number.
+        let wrong = [numbers(f64::INFINITY, 1.0), numbers(f64::NAN, 0.0)];
+        assert!(least_squares(&wrong, &numbers(1.0, 1.0)).is_none());
     }
 
     /// One unknown: Aitken's omega is the secant method.
