@@ -10,7 +10,7 @@ use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
-use tracing::info;
+use tracing::{info, warn};
 use voidage_coupling::compare::{Difference, Finding};
 use voidage_coupling::launch::Host;
 use voidage_coupling::recorder::create_folder;
@@ -152,6 +152,7 @@ fn same_states(options: &Options, candidates: &[Candidate]) -> Result<Vec<Findin
         }
         show(&mut progress, &simulation, &report);
     }
+    simulation.shortcomings().iter().for_each(|line| warn!("{}: {line}", first.name));
     let mut findings = findings.lock().unwrap_or_else(PoisonError::into_inner);
     Ok(std::mem::take(&mut *findings))
 }

@@ -12,7 +12,7 @@ use tracing::{info, warn};
 use voidage_coupling::launch::Host;
 use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
 use voidage_coupling::scene::{Scene, Solver};
-use voidage_coupling::{Agreement, Error, Result, Simulation};
+use voidage_coupling::{Error, Result, Simulation};
 
 /// Options of `voidage run`.
 #[derive(Args)]
@@ -132,9 +132,10 @@ pub fn sum_up(summary: &mut Summary, simulation: &Simulation) {
     summary.steps = simulation.steps();
     summary.time_s = simulation.time();
     summary.max_penetration_over_radius = totals.max_penetration_over_radius;
-    summary.unconverged_steps = totals.unconverged_steps;
+    summary.penetrating_steps = totals.max_penetration_over_radius.map(|_| totals.penetrating.steps);
+    summary.unconverged_steps = totals.unconverged.steps;
     summary.fluid_solves = totals.fluid_solves;
-    summary.disagreeing_steps = totals.disagreeing_steps;
+    summary.disagreeing_steps = totals.disagreeing.map(|tally| tally.steps);
     summary.remeshings = (totals.remeshings > 0).then_some(totals.remeshings);
     summary.momentum_exchange_defect = totals.momentum_exchange_defect;
     summary.energy_exchange_defect = totals.energy_exchange_defect;
@@ -216,14 +217,10 @@ impl Run {
                 return Ok(false);
             }
             let report = self.simulation.step()?;
-            self.summary.steps_of_this_process += 1;
             self.record()?;
             let step = self.simulation.steps();
-            let disagreement = report.agreement.as_ref().and_then(Agreement::complaint);
-            if let (Some(complaint), 1) =
-                (disagreement, self.simulation.totals().disagreeing_steps.unwrap_or(0))
-            {
-                warn!("step {step}: {complaint}\n  (later steps of this kind are counted in summary.json)");
+            for remark in self.simulation.remarks() {
+                warn!("step {step}: {remark}\n  (later steps of this kind are counted in summary.json)");
             }
             progress.show(step, || News {
                 time: self.simulation.time(),
@@ -260,6 +257,15 @@ impl Run {
         self.recording.checkpoint(&self.stamp, &state)
     }
 
+    /// The last frame, and the checkpoint to go on from, for a run that ends between two checkpoints.
+    fn leave(&mut self) -> Result<PathBuf> {
+        // Grains that are no longer in the mesh have no voidage, but all else.
+        let refreshed = self.simulation.refresh();
+        let (step, time) = (self.simulation.steps(), self.simulation.time());
+        self.recording.frame(step, time, &self.simulation.view())?;
+        refreshed.and_then(|()| self.checkpoint())
+    }
+
     /// Ends the run: last frame and checkpoint, summary, pictures.
     fn close(mut self, outcome: Result<bool>) -> Result<u8> {
         let ended = match &outcome {
@@ -267,23 +273,22 @@ impl Run {
             Ok(false) => "interrupted",
             Err(_) => "failed",
         };
-        if matches!(outcome, Ok(false)) {
-            self.simulation.refresh()?;
-            let (step, time) = (self.simulation.steps(), self.simulation.time());
-            self.recording.frame(step, time, &self.simulation.view())?;
-            let path = self.checkpoint()?;
-            warn!("interrupted at t = {time} s; go on with --restart {}", path.display());
+        let time = self.simulation.time();
+        match &outcome {
+            Ok(true) => {}
+            Ok(false) => {
+                let path = self.leave()?;
+                warn!("interrupted at t = {time} s; go on with --restart {}", path.display());
+            }
+            Err(error) => self.leave_failed(error),
         }
         self.summary.outcome = ended.to_owned();
         self.write_summary().or_else(|error| if outcome.is_err() { Ok(()) } else { Err(error) })?;
         let folder = self.recording.folder().to_path_buf();
-        let finished = outcome.inspect_err(|_| {
-            let checkpoint = folder.join(CHECKPOINT);
-            if checkpoint.exists() {
-                warn!("the last checkpoint is {}", checkpoint.display());
-            }
-        })?;
-        plot::draw(&folder)?;
+        let drawn = plot::draw(&folder);
+        self.simulation.shortcomings().iter().for_each(|line| warn!("{line}"));
+        let finished = outcome?;
+        drawn?;
         println!(
             "{ended} after {} steps in {}: {}",
             self.summary.steps,
@@ -291,6 +296,24 @@ impl Run {
             folder.display()
         );
         Ok(if finished { 0 } else { 1 })
+    }
+
+    /// What a run that fails leaves; that this may fail too is no news beside why the run did.
+    fn leave_failed(&mut self, error: &Error) {
+        let checkpoint = self.recording.folder().join(CHECKPOINT);
+        let left = matches!(error, Error::Penetration(_)).then(|| {
+            // Where this step is due; what of it cannot be written is missing.
+            let _ = self.record();
+            self.leave()
+        });
+        match left {
+            Some(Ok(path)) => warn!(
+                "the state of that step is in {}; with a larger contacts.max_penetration, --restart goes on from it",
+                path.display()
+            ),
+            _ if checkpoint.exists() => warn!("the last checkpoint is {}", checkpoint.display()),
+            _ => {}
+        }
     }
 
     fn write_summary(&mut self) -> Result<()> {
@@ -301,6 +324,7 @@ impl Run {
         phases.insert("output".to_owned(), self.output_s);
         let summary = &mut self.summary;
         sum_up(summary, &self.simulation);
+        summary.steps_of_this_process = self.simulation.totals().steps;
         summary.wall_s = self.started.elapsed().as_secs_f64();
         summary.phases_s = phases;
         summary.write(&self.recording.folder().join("summary.json"))

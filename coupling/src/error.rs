@@ -32,6 +32,9 @@ pub enum Error {
     /// The process at the other end of a channel.
     #[error(transparent)]
     Peer(#[from] PeerError),
+    /// After a step grains are further in each other or in walls than the scene allows; the state is that of the end of the step.
+    #[error("{0}")]
+    Penetration(String),
     /// The run cannot go on.
     #[error("{0}")]
     Run(String),

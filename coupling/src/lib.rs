@@ -21,6 +21,7 @@ pub mod scene;
 pub mod scheme;
 pub mod serve;
 pub mod simulation;
+pub mod totals;
 pub mod transport;
 
 pub use agreement::{Agreement, Carried};

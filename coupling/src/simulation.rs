@@ -7,7 +7,8 @@ use crate::launch::Host;
 use crate::recorder::{Checkpoint, FluidView, GrainView, View};
 use crate::renewal::Anew;
 use crate::scene::Scene;
-use crate::{Carried, Coupled, Phases, StepReport, build};
+use crate::totals::{Overlap, Totals};
+use crate::{Agreement, Carried, Coupled, StepReport, build};
 use serde::{Deserialize, Serialize};
 use voidage_fluid::Vector;
 use voidage_fluid::exchange::AtBodies;
@@ -22,29 +23,8 @@ pub struct Simulation {
     last: StepReport,
     totals: Totals,
     bed_weight_per_area: Option<f64>,
-}
-
-/// Sums and extremes over the steps of this process; what the scene does not have is `None`.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Totals {
-    /// Wall time by phase.
-    pub phases: Phases,
-    /// Largest overlap of grains, as a share of the radius.
-    pub max_penetration_over_radius: Option<f64>,
-    /// Steps whose contacts did not reach the tolerance.
-    pub unconverged_steps: u64,
-    /// Solutions of the fluid; with grains and fluid only.
-    pub fluid_solves: Option<u64>,
-    /// Meshes made anew on the way.
-    pub remeshings: u64,
-    /// Steps in which grains and fluid did not agree within the tolerance; with both only.
-    pub disagreeing_steps: Option<u64>,
-    /// Largest [`StepReport::momentum_exchange_defect`].
-    pub momentum_exchange_defect: Option<f64>,
-    /// Largest [`StepReport::energy_exchange_defect`].
-    pub energy_exchange_defect: Option<f64>,
-    /// Largest [`StepReport::solid_volume_defect`].
-    pub solid_volume_defect: Option<f64>,
+    /// Overlap of grains, as a share of the radius, that ends the run.
+    max_penetration: f64,
 }
 
 /// All that a run needs to go on as if it had never stopped.
@@ -57,25 +37,6 @@ pub struct State {
     anew: Option<Anew<2>>,
     at: Option<AtBodies<2>>,
     carried: Option<Carried<2>>,
-}
-
-impl Totals {
-    fn add(&mut self, report: &StepReport) {
-        let raise = |worst: &mut Option<f64>, now: Option<f64>| {
-            *worst = now.map(|now| worst.map_or(now, |worst| worst.max(now))).or(*worst);
-        };
-        self.phases.add(&report.phases);
-        self.remeshings += u64::from(report.renewed);
-        self.unconverged_steps += u64::from(report.grains.is_some_and(|grains| !grains.converged));
-        if let Some(agreement) = &report.agreement {
-            *self.fluid_solves.get_or_insert(0) += agreement.solves as u64;
-            *self.disagreeing_steps.get_or_insert(0) += u64::from(!agreement.converged);
-        }
-        raise(&mut self.max_penetration_over_radius, report.grains.map(|g| g.max_penetration_over_radius));
-        raise(&mut self.momentum_exchange_defect, report.momentum_exchange_defect);
-        raise(&mut self.energy_exchange_defect, report.energy_exchange_defect);
-        raise(&mut self.solid_volume_defect, report.solid_volume_defect);
-    }
 }
 
 impl Simulation {
@@ -94,8 +55,9 @@ impl Simulation {
     pub fn hosted(scene: &Scene, host: &Host) -> Result<Self> {
         let coupled = build::coupled(scene, host)?;
         let bed_weight_per_area = bed_weight_per_area(&coupled);
-        let (last, totals) = (StepReport::default(), Totals::default());
-        Ok(Self { coupled, dt: scene.time.step, fields: None, last, totals, bed_weight_per_area })
+        let (last, totals, dt) = (StepReport::default(), Totals::default(), scene.time.step);
+        let max_penetration = scene.contacts.clone().unwrap_or_default().max_penetration;
+        Ok(Self { coupled, dt, fields: None, last, totals, bed_weight_per_area, max_penetration })
     }
 
     /// The same at a checkpoint.
@@ -176,10 +138,35 @@ impl Simulation {
         self.bed_weight_per_area
     }
 
+    /// What has to be said of the steps of this process that fell short of something, a line each.
+    pub fn shortcomings(&self) -> Vec<String> {
+        self.totals.shortcomings(|wall| self.wall_name(wall))
+    }
+
+    /// What to tell of the last step, where it is the first to fall short in some way.
+    pub fn remarks(&self) -> Vec<String> {
+        let (step, totals) = (self.steps(), &self.totals);
+        let mut remarks = Vec::new();
+        if totals.disagreeing.is_some_and(|tally| tally.first == step) {
+            remarks.extend(self.last.agreement.as_ref().and_then(Agreement::complaint));
+        }
+        if let Some(overlap) = Overlap::deepest(&self.last).filter(|_| totals.penetrating.first == step) {
+            let names = overlap.names(|wall| self.wall_name(wall));
+            remarks.push(format!("{names} overlap by {:.2} of a radius", overlap.depth));
+        }
+        remarks
+    }
+
+    fn wall_name(&self, number: u32) -> &str {
+        let walls = self.coupled.grains.as_ref().map_or(&[][..], |grains| grains.walls());
+        walls.get(number as usize).map_or("", |wall| &wall.name)
+    }
+
     /// One step.
     ///
     /// # Errors
-    /// Those of [`Coupled::step`], with step and time in front.
+    /// Those of [`Coupled::step`], with step and time in front; [`crate::Error::Penetration`] after a step in which grains came further
+    /// into each other or into walls than the scene allows: that step is done.
     pub fn step(&mut self) -> Result<StepReport> {
         let (step, time) = (self.steps() + 1, self.time());
         let report = self
@@ -187,8 +174,32 @@ impl Simulation {
             .step(self.dt)
             .map_err(|error| crate::Error::Run(format!("step {step}, from t = {time:.6e} s: {error}")))?;
         self.last = report;
-        self.totals.add(&report);
-        Ok(report)
+        self.totals.add(step, &report);
+        match Overlap::deepest(&report).filter(|overlap| overlap.depth > self.max_penetration) {
+            Some(overlap) => Err(crate::Error::Penetration(self.too_deep(overlap))),
+            None => Ok(report),
+        }
+    }
+
+    /// What ends a run whose grains overlap too much.
+    fn too_deep(&self, overlap: Overlap) -> String {
+        let (step, time, allowed) = (self.steps(), self.time(), self.max_penetration);
+        let names = overlap.names(|wall| self.wall_name(wall));
+        let unsolved = match self.last.grains.filter(|grains| !grains.converged) {
+            Some(grains) => {
+                let residual = grains.residual;
+                format!(
+                    "; the contacts of this step are unsolved (residual {residual:.1e}): raise contacts.max_sweeps"
+                )
+            }
+            None => String::new(),
+        };
+        format!(
+            "step {step}, t = {time:.6} s: {names} overlap by {:.2} of a radius, more than \
+             contacts.max_penetration = {allowed} allows\n  \
+             help: walls may leave the grains no room, or time.step be too long for grains so fast{unsolved}",
+            overlap.depth
+        )
     }
 
     /// Fetches the fields of the fluid and the voidage of the grains where they are now, for [`Self::view`].

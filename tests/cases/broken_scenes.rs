@@ -248,6 +248,24 @@ const MISTAKES: &[Mistake] = &[
         "end = 1e-4",
         &["time.end = 0.0001", "at least one step of 0.001 s"],
     ),
+    mistake(
+        "contacts that count as solved whatever they are",
+        ["conduction = \"henry\"", "conduction = \"henry\"\ntolerance = 1e300"],
+        "tolerance",
+        &["contacts.tolerance = 1e300", "at most 0.1"],
+    ),
+    mistake(
+        "a fluid that counts as solved where it stands",
+        ["[coupling]", "[fluid.solver]\ntolerance = 10.0\n\n[coupling]"],
+        "tolerance",
+        &["fluid.solver.tolerance = 10", "at most 0.01"],
+    ),
+    mistake(
+        "grains that may pass through walls",
+        ["conduction = \"henry\"", "conduction = \"henry\"\nmax_penetration = 2.0"],
+        "max_penetration",
+        &["contacts.max_penetration = 2", "from 0.05 to 1"],
+    ),
     mistake("negative step", ["step = 1e-3", "step = -1e-3"], "step", &["time.step = -0.001", "above 0"]),
     mistake(
         "pressure between boundaries that are not there",

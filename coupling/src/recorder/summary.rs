@@ -27,9 +27,12 @@ pub struct Summary {
     pub nodes: usize,
     /// Number of cells of the fluid mesh.
     pub cells: usize,
-    /// Largest penetration over radius of all steps.
+    /// Largest overlap of grains with each other and with walls over the radius, of all steps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_penetration_over_radius: Option<f64>,
+    /// Steps with an overlap above 5 % of a radius.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub penetrating_steps: Option<u64>,
     /// Steps in which a solver stopped before its tolerance.
     pub unconverged_steps: u64,
     /// Solutions of the fluid of this process; with grains and fluid only.

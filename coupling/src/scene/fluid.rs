@@ -187,7 +187,8 @@ pub enum HeatBoundary {
 pub struct FluidSolver {
     /// Linear solver. Default `"auto"`: the fastest for the dimension.
     pub linear: LinearMethod,
-    /// Relative residual of the linear systems. Default 1e-8.
+    /// Relative residual of the linear systems. Above 0, at most 1e-2: with more, fields of the wrong size count as solved. Default
+    /// 1e-8.
     pub tolerance: f64,
     /// Newton iterations per time step. Default 1.
     pub newton: usize,

@@ -251,7 +251,8 @@ pub struct Rotation {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Contacts {
-    /// Relative natural-map residual at which the sweeps stop. Default 1e-4.
+    /// Relative natural-map residual at which the sweeps stop. Above 0, at most 0.1: with more, unsolved contacts would count as
+    /// solved. Default 1e-4.
     pub tolerance: f64,
     /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
     pub max_sweeps: usize,
@@ -263,6 +264,9 @@ pub struct Contacts {
     /// Most sub-steps of a step: what is left then is gone in the last. Who flies far in it may pass into others, so that the step
     /// counts as not converged. Default 1000.
     pub max_substeps: usize,
+    /// Overlap of two grains, or of a grain and a wall, that ends the run, as a share of the radius of the smaller grain. From 0.05 to 1,
+    /// where the centre of a grain is on the wall. A run says at which step the overlap first exceeds 0.05. Default 0.5.
+    pub max_penetration: f64,
     /// Whether grains spin. Default true.
     pub rotation: bool,
     /// Law of heat conduction through contacts: `"henry"`, `"henry-printed"`, `"line"` (plane) or `"hertz"` (space).
@@ -282,6 +286,7 @@ impl Default for Contacts {
             interior: false,
             max_travel: 0.5,
             max_substeps: 1000,
+            max_penetration: 0.5,
             rotation: true,
             conduction: None,
             cohesion: None,

@@ -89,12 +89,13 @@ impl Scene {
         toml::to_string(self).map_err(|error| Error::Run(format!("cannot write the scene as TOML: {error}")))
     }
 
-    /// A hash (blake3, hexadecimal) of all that decides the course of the run: the scene without its title, its end,
+    /// A hash (blake3, hexadecimal) of all that decides the course of the run: the scene without its title, its end, the overlap that ends it,
     /// its output and the program that solves the fluid, and the content of the files it names. Equal hashes: a checkpoint of one restarts the other.
     pub fn hash(&self) -> Result<String> {
         let mut bare = self.clone();
         bare.title = String::new();
         bare.time.end = 0.0;
+        bare.contacts.iter_mut().for_each(|contacts| contacts.max_penetration = 0.0);
         bare.output = super::Output::default();
         bare.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
         let mut hasher = blake3::Hasher::new();

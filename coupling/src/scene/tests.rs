@@ -86,7 +86,13 @@ fn errors_know_their_place() {
 fn the_hash_follows_physics_and_not_output() {
     let hash = |sets: &[&str]| parse(sets).unwrap().hash().unwrap();
     let plain = hash(&[]);
-    for same in ["title=other", "time.end=2", "output.frame_interval=0.1", "contacts.tolerance=1e-4"] {
+    for same in [
+        "title=other",
+        "time.end=2",
+        "output.frame_interval=0.1",
+        "contacts.tolerance=1e-4",
+        "contacts.max_penetration=0.8",
+    ] {
         assert_eq!(plain, hash(&[same]), "{same}");
     }
     for other in ["time.step=1e-4", "grains[0].solidity=0.9", "contacts.tolerance=1e-5", "gravity=[0,-1.6]"] {

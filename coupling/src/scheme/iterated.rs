@@ -113,7 +113,7 @@ impl<const D: usize> Iterated<D> {
         // Counted in parts of the shortest length that there may be.
         let whole = if self.iteration.auto { 1 << HALVINGS } else { 1 };
         let (mut done, mut length, mut spent) = (0, whole, 0);
-        let (mut sum, mut mean) = (None::<Agreement>, Mean::default());
+        let (mut sum, mut mean, mut grains) = (None::<Agreement>, Mean::default(), None);
         while done < whole {
             let part = dt * f64::from(length) / f64::from(whole);
             if length < whole {
@@ -135,6 +135,8 @@ impl<const D: usize> Iterated<D> {
                 mean.add(interaction, f64::from(length) / f64::from(whole));
             }
             sum = Some(agreement.after(sum.as_ref(), std::mem::take(&mut spent)));
+            // Parts that were not accepted do not count.
+            grains = report.grains.map(|now| now.after(grains.as_ref()));
             coupled.accept_part(part);
             done += length;
             // As long again as the parts that are left allow, unless that is known to be too far.
@@ -146,7 +148,7 @@ impl<const D: usize> Iterated<D> {
         if let (false, Some(interaction)) = (mean.force.is_empty(), &mut coupled.interaction) {
             (interaction.force, interaction.heat) = (mean.force, mean.heat);
         }
-        report.agreement = sum;
+        (report.agreement, report.grains) = (sum, grains);
         Ok(())
     }
 

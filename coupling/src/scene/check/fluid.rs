@@ -1,6 +1,6 @@
 //! Checks of the fluid, its mesh and its boundaries.
 
-use super::{Checked, coordinates, fail, known, not_negative, positive, within};
+use super::{Checked, coordinates, fail, known, not_negative, positive, tolerance, within};
 use crate::scene::{Backend, Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, Scene, Solver};
 use crate::transport::Address;
 use voidage_fluid::mesh::{Rectangle, Sides};
@@ -31,7 +31,7 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     if let Some(backend) = &fluid.backend {
         check_backend(scene, backend)?;
     }
-    positive(scene, "fluid.solver.tolerance", fluid.solver.tolerance)?;
+    tolerance(scene, "fluid.solver.tolerance", fluid.solver.tolerance, 1e-2)?;
     positive(scene, "fluid.solver.newton", fluid.solver.newton as f64)?;
     for (i, boundary) in fluid.boundaries.iter().enumerate() {
         check_boundary(scene, fluid, &format!("fluid.boundaries[{i}]"), boundary)?;

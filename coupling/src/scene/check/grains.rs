@@ -1,8 +1,11 @@
 //! Checks of materials, grains, walls and contacts.
 
-use super::{Checked, coordinates, corners, distinct, fail, known, not_negative, positive, within};
+use super::{
+    Checked, coordinates, corners, distinct, fail, known, not_negative, positive, tolerance, within,
+};
 use crate::Error;
 use crate::scene::{Amount, Grains, Lattice, Material, MeshSource, Motion, Placement, Radius, Scene, Wall};
+use crate::totals::DEEP;
 use std::path::Path;
 use voidage_dem::{Particles, Vector, packing::read_table};
 
@@ -161,7 +164,8 @@ fn check_heat(scene: &Scene) -> Checked {
 
 fn check_contacts(scene: &Scene) -> Checked {
     let Some(contacts) = &scene.contacts else { return Ok(()) };
-    positive(scene, "contacts.tolerance", contacts.tolerance)?;
+    tolerance(scene, "contacts.tolerance", contacts.tolerance, 0.1)?;
+    within(scene, "contacts.max_penetration", contacts.max_penetration, DEEP, 1.0)?;
     positive(scene, "contacts.max_sweeps", contacts.max_sweeps as f64)?;
     positive(scene, "contacts.max_substeps", contacts.max_substeps as f64)?;
     positive(scene, "contacts.max_travel", contacts.max_travel)?;

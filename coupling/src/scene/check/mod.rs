@@ -179,6 +179,15 @@ fn within(scene: &Scene, path: &str, value: f64, low: f64, high: f64) -> Checked
     fail(scene, path, message, format!("give a number from {low} to {high}"))
 }
 
+/// A relative tolerance: a residual of 1 is what no solution at all has, so that a tolerance near it solves nothing.
+fn tolerance(scene: &Scene, path: &str, value: f64, most: f64) -> Checked {
+    if value > 0.0 && value <= most {
+        return Ok(());
+    }
+    let message = format!("`{path} = {value:?}` is out of range");
+    fail(scene, path, message, format!("give a number above 0, at most {most}"))
+}
+
 fn known(scene: &Scene, path: &str, name: &str, names: &[&str], what: &str) -> Checked {
     if names.contains(&name) {
         return Ok(());
