@@ -32,6 +32,9 @@ pub enum Error {
     /// The process at the other end of a channel.
     #[error(transparent)]
     Peer(#[from] PeerError),
+    /// Whoever watched asked for an end before the first step.
+    #[error("interrupted while grains were placed")]
+    Interrupted,
     /// The run cannot go on.
     #[error("{0}")]
     Run(String),
