@@ -9,6 +9,10 @@ type Point = Vector<2>;
 const TOUCH: f64 = 1e-8;
 /// Components of directions below this are zero.
 const FLAT: f64 = 1e-9;
+/// Slopes that differ by less are the same.
+const SAME: f64 = 1e-6;
+/// Sine of the angle below which discs graze each other: a way that grazes overlaps by less than 1e-9 of a radius and goes on.
+const GRAZE: f64 = 3e-5;
 /// Parts of the way at most. The way goes down throughout: only rounding could make it endless.
 const MOST_PARTS: usize = 100_000;
 
@@ -82,10 +86,11 @@ impl Part {
                 let arm = start - at;
                 let closing = -arm.dot(&direction);
                 let nearest = (arm + direction * closing).norm_squared();
-                if closing <= FLAT * reach || nearest >= reach * reach {
+                let half = reach * reach - nearest;
+                if closing <= FLAT * reach || half <= (GRAZE * reach).powi(2) {
                     return None;
                 }
-                let way = closing - (reach * reach - nearest).sqrt();
+                let way = closing - half.sqrt();
                 Some((way, start + direction * way))
             }
             Part::Arc { centre, arm, sense, .. } => {
@@ -93,7 +98,7 @@ impl Part {
                 let (apart, own) = (between.norm_squared(), arm.norm_squared());
                 let along = 0.5 * (apart + own - reach * reach);
                 let across = own * apart - along * along;
-                if across <= 0.0 {
+                if across <= GRAZE * GRAZE * own * apart {
                     return None;
                 }
                 let side = Point::new(-between[1], between[0]) * (sense * across.sqrt());
@@ -233,12 +238,17 @@ impl Ground {
                 touches.push(Touch { body: Body::Wall(k), normal: arm.normalize() });
             }
         }
+        let walls = touches.len();
         let reach = Point::repeat(radius + slack);
         self.lying.near(x - reach, x + reach, |k| {
             let arm = x - self.lying.position[k];
             let apart = radius + self.lying.radius[k] + slack;
             if arm.norm_squared() <= apart * apart {
-                touches.push(Touch { body: Body::Disc(k), normal: arm.normalize() });
+                let normal = arm.normalize();
+                // A disc that touches a wall from behind is not in the way.
+                if touches[..walls].iter().all(|wall| wall.normal.dot(&normal) < 1.0 - SAME) {
+                    touches.push(Touch { body: Body::Disc(k), normal });
+                }
             }
         });
     }
@@ -267,9 +277,13 @@ impl Ground {
                 }
                 let part = self.part(x, radius, touch, &tangent, sense);
                 let better = best.as_ref().is_none_or(|(slope, other, _)| {
-                    // Where a straight wall goes on at the end of another, the way around the end leads into it.
-                    let straight = matches!((&part, other), (Part::Line { .. }, Part::Arc { .. }));
-                    tangent[1] < slope - if straight { -FLAT } else { FLAT }
+                    // Where a wall goes on at the end of another, the way around the end leads into it.
+                    let shorter = match (&part, other) {
+                        (Part::Line { .. }, Part::Arc { .. }) => true,
+                        (Part::Arc { end, .. }, Part::Arc { end: other, .. }) => end < other,
+                        _ => false,
+                    };
+                    tangent[1] < slope + if shorter { SAME } else { -SAME }
                 });
                 if better {
                     best = Some((tangent[1], part, touch));

@@ -1,6 +1,7 @@
 use super::lying::Segment;
 use super::*;
 use crate::{Dem, Load, Particles, Settings, ball};
+use rand::{Rng, SeedableRng};
 
 type Point = Vector<2>;
 
@@ -105,6 +106,22 @@ fn beds_are_built_in_hoppers_and_around_obstacles() {
         assert_eq!(bed.position.iter().find(outside), None, "{method:?}: through the hopper");
         let sheltered = |x: &&Point| (x[0] - 0.5).abs() < 0.05 && (0.45..0.5).contains(&x[1]);
         assert_eq!(bed.position.iter().find(sheltered), None, "{method:?}: under the roof");
+    }
+}
+
+#[test]
+fn beds_are_built_among_any_walls() {
+    let glass = [Material::default()];
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
+    let mut corner = || [rng.random::<f64>(), 0.8 * rng.random::<f64>()];
+    for round in 0..40 {
+        let mut walls: Vec<Wall<2>> = (0..5).map(|_| wall(corner(), corner())).collect();
+        // Walls that go on where others end, as in a bent plate.
+        walls.extend([0, 1].map(|k| Wall::new("bend", walls[k].points[1], corner().into())));
+        let (method, min) = ([Method::DropAndRoll, Method::Dense][round % 2], [0.02, 0.004][round / 2 % 2]);
+        let fill = fill(&glass, Radii::Uniform { min, max: 0.03 }, Amount::Fill);
+        let bed = pour(&unit(), &walls, &fill, method, &mut unobserved).unwrap();
+        check_bed(&bed, &walls, &unit());
     }
 }
 
