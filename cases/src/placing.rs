@@ -22,14 +22,14 @@ pub fn watched<'a>(folder: &Path, interrupted: &'a AtomicBool, quiet: bool) -> P
         if shown.as_ref().is_none_or(|(last, was, _)| (*last, *was) != (group, settles)) {
             // The bar before goes first.
             drop(shown.take());
-            let unit = if settles { "settling: step" } else { "placing grains:" };
+            let unit = if settles { "settling, step" } else { "placing grains," };
             shown = Some((group, settles, Progress::open(unit, of as u64, quiet)));
         }
         if let Some((.., bar)) = &mut shown {
             bar.tell_at_times(done as u64, || match progress {
-                packing::Progress::Placing { .. } => format!("of grains[{group}]"),
+                packing::Progress::Placing { .. } => format!("grains[{group}]"),
                 packing::Progress::Settling { speed, .. } => {
-                    format!("at most, rms speed {speed:.1e} m/s, grains[{group}]")
+                    format!("grains[{group}], root mean square speed {speed:.1e} m/s")
                 }
             });
         }

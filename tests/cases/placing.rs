@@ -39,7 +39,7 @@ fn a_bed_is_reported_and_kept_until_something_about_it_changes() {
     let folder = tempfile::tempdir().unwrap();
     let table = folder.path().join("out/packing-0.csv");
     let said = run(folder.path(), SCENE, &[]);
-    assert!(said.contains("grains[0]: 200 deposited, solid fraction 0.8"), "{said}");
+    assert!(said.contains("grains[0]: 200 deposited, solid fraction 0.7"), "{said}");
     assert!(said.contains("at rest after") && !said.contains("kept"), "{said}");
     let first = fs::read(&table).unwrap();
     let end = fs::read(folder.path().join("out/checkpoint.voidage")).ok();

@@ -83,7 +83,8 @@ pub fn deposit(
         time: 0.0,
         steps: 0,
         speed: 0.0,
-        at_rest: false,
+        // Without gravity nothing moves a bed that was built.
+        at_rest: gravity == 0.0,
         solid_fraction: 0.0,
     };
     let mut dem = solver(region, particles, fill, how)?;
