@@ -118,7 +118,7 @@ fn settle(
         dem.step(dt, &Load::default());
         settled.steps += 1;
         settled.speed = mean_square(&mut dem.particles.velocity.iter().map(|v| v.norm_squared()));
-        if settled.steps % WINDOW == 0 {
+        if settled.steps.is_multiple_of(WINDOW) {
             let now = &dem.particles.position;
             let moved = mean_square(&mut now.iter().zip(&before).map(|(x, y)| (x - y).norm_squared()));
             let sunk = now.iter().zip(&before).map(|(x, y)| x[1] - y[1]).sum::<f64>() / count;

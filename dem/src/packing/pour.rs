@@ -59,7 +59,7 @@ pub fn pour(
     let of = source.expected(region)?;
     loop {
         let done = bed.ground.lying.radius.len();
-        if done % REPORT == 0 {
+        if done.is_multiple_of(REPORT) {
             tell(observer, Progress::Placing { done, of })?;
         }
         match bed.add(&mut source) {

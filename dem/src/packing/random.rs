@@ -27,7 +27,7 @@ pub fn random<const D: usize>(
     let mut occupied = Occupied::new(region, 2.0 * fill.radii.bounds()?.1);
     let (mut position, mut radius): (Vec<Vector<D>>, Vec<f64>) = (vec![], vec![]);
     while let Some(r) = source.next() {
-        if position.len() % REPORT == 0 {
+        if position.len().is_multiple_of(REPORT) {
             tell(observer, Progress::Placing { done: position.len(), of })?;
         }
         let room = (region.high - region.low).add_scalar(-2.0 * r);
