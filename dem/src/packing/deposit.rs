@@ -4,7 +4,8 @@ use super::source::Source;
 use super::{Amount, Fill, Method, Observer, Progress, Region, container, pour, solid_fraction, tell};
 use crate::error::{Error, Result, check};
 use crate::{Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};
-use rand::Rng;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
 
 /// How to deposit grains on the floor of a region, between its sides and on walls.
 #[derive(Clone, Debug, PartialEq)]
@@ -176,6 +177,7 @@ pub fn loose(region: &Region<2>, fill: &Fill<'_>) -> Result<Particles<2>> {
     }
     let cell = [width / columns as f64, cell];
     let endless = matches!(fill.amount, Amount::Fill);
+    let mut rng = Pcg64::seed_from_u64(fill.seed ^ 0x6a69_7474_6572);
     let (mut position, mut radius) = (vec![], vec![]);
     loop {
         let (column, row) = (position.len() % columns, position.len() / columns);
@@ -186,7 +188,7 @@ pub fn loose(region: &Region<2>, fill: &Fill<'_>) -> Result<Particles<2>> {
         let corner =
             Vector::<2>::new(region.low[0] + column as f64 * cell[0], region.low[1] + row as f64 * cell[1]);
         let room = |a: usize| cell[a] - 2.0 * r;
-        position.push(corner + Vector::<2>::from_fn(|a, _| r + room(a) * source.rng.random::<f64>()));
+        position.push(corner + Vector::<2>::from_fn(|a, _| r + room(a) * rng.random::<f64>()));
         radius.push(r);
     }
     source.grains(position, radius)

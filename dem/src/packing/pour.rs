@@ -7,7 +7,7 @@ use super::source::Source;
 use super::{Amount, Fill, Observer, Progress, Region, check_deposit, container, full, tell};
 use crate::error::Result;
 use crate::{Particles, Vector, Wall};
-use rand::Rng;
+use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
@@ -55,7 +55,9 @@ pub fn pour(
         Method::DropAndRoll => None,
         Method::Dense => Some(Surface::new(region, &ground, 0.5 * (bounds.0 + bounds.1))),
     };
-    let mut bed = Bed { region, ground, surface, waiting: vec![] };
+    // Apart from that of the radii, which are the same whatever places they go to.
+    let rng = Pcg64::seed_from_u64(fill.seed ^ 0x706c_6163_6573);
+    let mut bed = Bed { region, ground, surface, waiting: vec![], rng };
     let of = source.expected(region)?;
     loop {
         let done = bed.ground.lying.radius.len();
@@ -79,6 +81,7 @@ struct Bed<'a> {
     surface: Option<Surface>,
     /// Radii drawn and not placed yet, in their order.
     waiting: Vec<f64>,
+    rng: Pcg64,
 }
 
 enum Added {
@@ -98,8 +101,8 @@ impl Bed<'_> {
         }
         let Some(&radius) = self.waiting.first() else { return Added::NoneLeft };
         let found = match &mut self.surface {
-            None => drop_anywhere(self.region, &self.ground, radius, &mut source.rng),
-            Some(surface) => surface.drop_lowest(self.region, &self.ground, radius, &mut source.rng),
+            None => drop_anywhere(self.region, &self.ground, radius, &mut self.rng),
+            Some(surface) => surface.drop_lowest(self.region, &self.ground, radius, &mut self.rng),
         };
         let Some(place) = found else { return Added::Full };
         let (which, place) = self.choose(place);

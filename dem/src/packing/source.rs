@@ -6,12 +6,10 @@ use crate::{Particles, Vector, ball};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Draws the radii of a fill. The same fill gives the same radii, whatever places they go to.
+/// Draws the radii of a fill.
 pub(super) struct Source<'a, const D: usize> {
     fill: &'a Fill<'a>,
-    /// Of the radii.
-    sizes: Pcg64,
-    /// Of all else.
+    /// Of the radii, and of places that are drawn between them.
     pub rng: Pcg64,
     drawn: usize,
     mass: f64,
@@ -32,9 +30,7 @@ impl<'a, const D: usize> Source<'a, D> {
             let (m, count) = (fill.material, fill.materials.len());
             return Err(Error::Scene(format!("material {m} does not exist: the scene has {count}")));
         }
-        let (sizes, rng) =
-            (Pcg64::seed_from_u64(fill.seed), Pcg64::seed_from_u64(fill.seed ^ 0x706c_6163_6573));
-        let mut source = Self { fill, sizes, rng, drawn: 0, mass: 0.0 };
+        let mut source = Self { fill, rng: Pcg64::seed_from_u64(fill.seed), drawn: 0, mass: 0.0 };
         if let Amount::Mass(asked) = fill.amount {
             check(asked > 0.0 && asked.is_finite(), asked, "it must be positive", || {
                 "mass of grains".into()
@@ -46,9 +42,9 @@ impl<'a, const D: usize> Source<'a, D> {
 
     /// An error if the mass asked for is nearer to none than to one grain.
     fn check_first(&mut self, asked: f64) -> Result<()> {
-        let before = self.sizes.clone();
+        let before = self.rng.clone();
         let Some(radius) = self.radius() else { return Ok(()) };
-        self.sizes = before;
+        self.rng = before;
         let mass = self.mass_of(radius);
         if 0.5 * mass <= asked {
             return Ok(());
@@ -62,7 +58,7 @@ impl<'a, const D: usize> Source<'a, D> {
     fn radius(&mut self) -> Option<f64> {
         match &self.fill.radii {
             Radii::Constant(r) => Some(*r),
-            Radii::Uniform { min, max } => Some(min + (max - min) * self.sizes.random::<f64>()),
+            Radii::Uniform { min, max } => Some(min + (max - min) * self.rng.random::<f64>()),
             Radii::List(list) => list.get(self.drawn).copied(),
         }
     }
