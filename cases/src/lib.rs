@@ -5,6 +5,7 @@ pub mod check;
 pub mod compare;
 pub mod doctor;
 pub mod models;
+pub mod placing;
 pub mod plot;
 pub mod progress;
 pub mod report;

@@ -44,6 +44,8 @@ pub struct Progress {
     started: Instant,
     shown: Option<Instant>,
     every: Duration,
+    /// Whether the work may be over before the last.
+    open: bool,
 }
 
 impl Progress {
@@ -70,7 +72,7 @@ impl Progress {
             (None, false) => Duration::from_secs(2),
             (None, true) => Duration::from_secs(10),
         };
-        Progress { bar, unit, first, last, started: Instant::now(), shown: None, every }
+        Progress { bar, unit, first, last, started: Instant::now(), shown: None, every, open: false }
     }
 
     /// Shows the news, not too often.
@@ -88,6 +90,28 @@ impl Progress {
         self.tell(step, &message);
     }
 
+    /// For work that may be over before `last`: no time left is shown, and nothing of work that is over soon.
+    pub fn open(unit: &'static str, last: u64, quiet: bool) -> Self {
+        let mut progress = Self::of(unit, 0, last, quiet);
+        if let Some(bar) = &progress.bar {
+            let style = format!("{{bar:30.cyan/blue}} {unit} {{pos}}/{{len}}  {{msg}}");
+            bar.pb_set_style(
+                &ProgressStyle::with_template(&style).unwrap_or_else(|_| ProgressStyle::default_bar()),
+            );
+        }
+        progress.open = true;
+        progress.shown = Some(Instant::now());
+        progress
+    }
+
+    /// Shows how many are done and a message, not too often.
+    pub fn tell_at_times(&mut self, done: u64, message: impl FnOnce() -> String) {
+        if self.shown.is_none_or(|shown| shown.elapsed() >= self.every) {
+            self.shown = Some(Instant::now());
+            self.tell(done, &message());
+        }
+    }
+
     /// Shows how many are done and a message, at once.
     pub fn tell(&self, done: u64, message: &str) {
         match &self.bar {
@@ -95,6 +119,7 @@ impl Progress {
                 bar.pb_set_position(done);
                 bar.pb_set_message(message);
             }
+            None if self.open => info!("{} {done}/{}  {message}", self.unit, self.last),
             None => {
                 let rate = (done - self.first) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
                 let left = (self.last - done) as f64 / rate;

@@ -1,5 +1,6 @@
 //! `voidage run`: the loop around the steps.
 
+use crate::placing;
 use crate::plot;
 use crate::progress::{News, Progress, duration};
 use clap::Args;
@@ -73,7 +74,7 @@ pub fn run(options: &Options) -> Result<u8> {
     let scene = Scene::read(&options.scene, &sets(options)?)?;
     let threads = start_threads(options.threads)?;
     let interrupted = catch_interrupts()?;
-    let mut run = Run::new(&scene, options, threads)?;
+    let mut run = Run::new(&scene, options, threads, &interrupted)?;
     let outcome = run.steps(&interrupted, options.quiet);
     run.close(outcome)
 }
@@ -156,21 +157,22 @@ struct Run {
 }
 
 impl Run {
-    fn new(scene: &Scene, options: &Options, threads: usize) -> Result<Run> {
+    fn new(scene: &Scene, options: &Options, threads: usize, interrupted: &AtomicBool) -> Result<Run> {
         let started = Instant::now();
         let folder = options.out.clone().unwrap_or_else(|| default_folder(&options.scene));
         let hash = scene.hash()?;
         let host = host(folder.join("solver.log"));
+        let mut placing = placing::watched(&folder, interrupted, options.quiet);
         let (simulation, recording) = match &options.restart {
             None => {
-                let mut simulation = Simulation::hosted(scene, &host)?;
+                let mut simulation = Simulation::placed(scene, &host, &mut placing)?;
                 simulation.refresh()?;
                 let recording = Recording::start(&folder, scene, &simulation.view(), &simulation.readings())?;
                 (simulation, recording)
             }
             Some(file) => {
                 let checkpoint = Checkpoint::read(file, &hash)?;
-                let mut simulation = Simulation::hosted(scene, &host)?.restart(&checkpoint)?;
+                let mut simulation = Simulation::placed(scene, &host, &mut placing)?.restart(&checkpoint)?;
                 simulation.refresh()?;
                 let (view, readings) = (simulation.view(), simulation.readings());
                 let recording = Recording::resume(&folder, scene, &view, &readings, &checkpoint)?;
@@ -189,6 +191,7 @@ impl Run {
             ..Summary::default()
         };
         info!("{}", scene.title);
+        placing::tell(&placing.beds);
         info!(
             "{} grains, {} nodes, {} cells, {threads} threads, into {}",
             summary.grains,

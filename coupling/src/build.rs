@@ -5,12 +5,12 @@ use crate::closure::ThermalFluid;
 use crate::error::{Error, Result};
 use crate::launch::{self, Host};
 use crate::motion::Swing;
+use crate::placing::Placing;
 use crate::protocol::Setup;
 use crate::renewal::Renewal;
 use crate::scene::{self, Scene};
 use crate::{Coupled, Fluid, Interaction, Laws};
 use std::sync::Arc;
-use voidage_dem::packing::{self, Amount, Fill, Radii, Region};
 use voidage_dem::{Conduction, Dem, Material, Motion, Particles, Settings, Wall};
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
 use voidage_fluid::exchange::AtBodies;
@@ -26,12 +26,20 @@ use voidage_fluid::{Mesh, Vector};
 /// Input that only shows when the grains are placed or the mesh is made: a file, a region too small, a
 /// boundary that the mesh lacks; a fluid solver that does not start.
 pub fn coupled(scene: &Scene, host: &Host) -> Result<Coupled<2>> {
+    placed(scene, host, &mut Placing::alone())
+}
+
+/// The same, with somebody who watches grains being placed, and a folder that keeps beds.
+///
+/// # Errors
+/// Those of [`coupled`], a folder that cannot be written, and [`Error::Interrupted`].
+pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<Coupled<2>> {
     if scene.dimension() != 2 {
         let message =
             format!("`gravity` has {} numbers: scenes in space (3D) cannot run yet", scene.dimension());
         return Err(scene.error("gravity", message, "give it two numbers, as a scene in the plane"));
     }
-    let grains = if scene.grains.is_empty() { None } else { Some(grains(scene)?) };
+    let grains = if scene.grains.is_empty() { None } else { Some(grains(scene, placing)?) };
     let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid, host)).transpose()?;
     let coupling = scene.coupling.clone().unwrap_or_default();
     let interaction = match (&grains, &fluid, &scene.fluid) {
@@ -81,7 +89,7 @@ fn initial_velocity(fluid: &scene::Fluid) -> Vector<2> {
 
 // ---------------------------------------------------------------------------------------------- grains
 
-fn grains(scene: &Scene) -> Result<Dem<2>> {
+fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
     let names: Vec<&String> = scene.materials.keys().collect();
     let mut materials = Vec::new();
     let mut all = Particles::<2>::default();
@@ -91,7 +99,7 @@ fn grains(scene: &Scene) -> Result<Dem<2>> {
             return Err(Error::Input(format!("no material `{}`; there are {names:?}", group.material)));
         };
         materials.push(material(described, group.solidity));
-        let mut placed = place(scene, group, k, &materials)?;
+        let mut placed = placing.place(scene, k, &materials)?;
         // Columns of a file go before the values of the group.
         if let Some(velocity) =
             group.velocity.as_ref().filter(|_| placed.velocity.iter().all(|v| v.norm() == 0.0))
@@ -123,7 +131,8 @@ fn grains(scene: &Scene) -> Result<Dem<2>> {
     Ok(Dem::new(all, walls, materials, settings(scene, &contacts))?)
 }
 
-fn material(described: &scene::Material, solidity: f64) -> Material {
+/// A material of the scene, for grains of a solidity.
+pub(crate) fn material(described: &scene::Material, solidity: f64) -> Material {
     Material {
         density: described.density,
         solidity,
@@ -143,55 +152,6 @@ fn append(all: &mut Particles<2>, more: Particles<2>) {
     all.mass.extend(more.mass);
     all.volume.extend(more.volume);
     all.material.extend(more.material);
-}
-
-fn place(scene: &Scene, group: &scene::Grains, k: usize, materials: &[Material]) -> Result<Particles<2>> {
-    let region = |lower: &scene::Coordinates, upper: &scene::Coordinates| Region {
-        low: lower.vector(),
-        high: upper.vector(),
-    };
-    let fill = |seed| Fill {
-        radii: match group.radius {
-            Some(scene::Radius::Uniform([min, max])) => Radii::Uniform { min, max },
-            Some(scene::Radius::Constant(radius)) => Radii::Constant(radius),
-            None => Radii::List(Vec::new()),
-        },
-        amount: match group.amount {
-            scene::Amount::Count(count) => Amount::Count(count),
-            scene::Amount::Mass(mass) => Amount::Mass(mass),
-            scene::Amount::Fill => Amount::Fill,
-        },
-        material: k as u8,
-        materials,
-        seed,
-    };
-    let placed = match &group.placement {
-        scene::Placement::Deposit(d) => {
-            let region = region(&d.lower, &d.upper);
-            packing::deposit(&region, &fill(d.seed), &packing::Deposit::default()).map(|bed| bed.particles)
-        }
-        scene::Placement::Lattice(l) => {
-            let kind = match l.arrangement {
-                scene::Arrangement::Square => packing::Lattice::Square,
-                scene::Arrangement::Triangular => packing::Lattice::Triangular,
-            };
-            packing::lattice(&region(&l.lower, &l.upper), kind, l.spacing, &fill(l.seed))
-        }
-        scene::Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed)),
-        scene::Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
-    };
-    let path = format!("grains[{k}].placement");
-    let grains = placed.map_err(|error| {
-        scene.error(&path, format!("`{path}`: {error}"), "change the box, the amount or the radius")
-    })?;
-    match group.amount {
-        scene::Amount::Count(count) if grains.len() < count => {
-            let path = format!("grains[{k}].amount.count");
-            let message = format!("`{path} = {count}`: only {} grains find a place", grains.len());
-            Err(scene.error(&path, message, "make the box larger, or ask for fewer"))
-        }
-        _ => Ok(grains),
-    }
 }
 
 /// A wall of the scene, at time 0 and by its law of motion.
@@ -216,7 +176,8 @@ pub fn wall(scene: &Scene, described: &scene::Wall) -> Wall<2> {
     }
 }
 
-fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {
+/// How contacts of the scene are solved.
+pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {
     Settings {
         gravity: scene.gravity.vector(),
         tolerance: contacts.tolerance,

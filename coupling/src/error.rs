@@ -35,6 +35,9 @@ pub enum Error {
     /// After a step grains are further in each other or in walls than the scene allows; the state is that of the end of the step.
     #[error("{0}")]
     Penetration(String),
+    /// Whoever watched asked for an end before the first step.
+    #[error("interrupted while grains were placed")]
+    Interrupted,
     /// The run cannot go on.
     #[error("{0}")]
     Run(String),

@@ -13,6 +13,7 @@ pub mod launch;
 pub mod motion;
 pub mod overlap;
 pub mod peer;
+pub mod placing;
 pub mod protocol;
 pub mod recorder;
 pub mod remote;

@@ -4,6 +4,7 @@ use crate::backend::FluidBackend;
 use crate::compare::{Findings, SideBySide};
 use crate::error::Result;
 use crate::launch::Host;
+use crate::placing::Placing;
 use crate::recorder::{Checkpoint, FluidView, GrainView, View};
 use crate::renewal::Anew;
 use crate::scene::Scene;
@@ -53,7 +54,15 @@ impl Simulation {
     /// # Errors
     /// Those of [`build::coupled`].
     pub fn hosted(scene: &Scene, host: &Host) -> Result<Self> {
-        let coupled = build::coupled(scene, host)?;
+        Self::placed(scene, host, &mut Placing::alone())
+    }
+
+    /// The same, with somebody who watches grains being placed, and a folder that keeps beds.
+    ///
+    /// # Errors
+    /// Those of [`build::placed`].
+    pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<Self> {
+        let coupled = build::placed(scene, host, placing)?;
         let bed_weight_per_area = bed_weight_per_area(&coupled);
         let (last, totals, dt) = (StepReport::default(), Totals::default(), scene.time.step);
         let max_penetration = scene.contacts.clone().unwrap_or_default().max_penetration;

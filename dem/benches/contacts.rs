@@ -3,7 +3,7 @@
 //! `cargo bench -p voidage-dem`: ns per contact and sweep follow from the printed counts and the times.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit, unobserved};
 use voidage_dem::{Acceleration, Dem, Load, Material, Particles, Settings, StepReport, Vector, Wall};
 
 fn at(x: f64, y: f64) -> Vector<2> {
@@ -20,7 +20,9 @@ fn bed() -> Particles<2> {
     let radii = Radii::Uniform { min: 0.4e-3, max: 0.5e-3 };
     let fill = Fill { radii, amount: Amount::Count(3800), material: 0, materials: &materials, seed: 1 };
     let region = Region { low: at(0.0, 0.0), high: at(0.08, 0.1) };
-    deposit(&region, &fill, &Deposit::default()).expect("the region is large enough").particles
+    deposit(&region, &fill, &Deposit::default(), &mut unobserved)
+        .expect("the region is large enough")
+        .particles
 }
 
 fn dem(particles: Particles<2>, walls: Vec<Wall<2>>, settings: Settings<2>) -> Dem<2> {

@@ -29,6 +29,9 @@ pub enum Error {
     /// A part that exists in the plane only.
     #[error("{0} exists in two dimensions only")]
     PlaneOnly(&'static str),
+    /// Whoever watched asked for an end.
+    #[error("interrupted while grains were placed")]
+    Interrupted,
 }
 
 /// Result of the grains.

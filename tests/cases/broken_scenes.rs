@@ -136,6 +136,57 @@ const MISTAKES: &[Mistake] = &[
         &["full after 126 grains", "make it larger or ask for fewer"],
     ),
     mistake(
+        "less than half a grain",
+        ["amount = { count = 40 }", "amount = { mass = 1e-5 }"],
+        "placement",
+        &["1e-5 kg/m", "less than half of one grain: a grain of radius", "e-3 kg/m"],
+    ),
+    mistake(
+        "far more grains poured than the box takes",
+        [
+            "amount = { count = 40 }\nplacement = { lattice = { lower = [0.0, 0.0], upper = [0.01, 0.02], arrangement = \"triangular\", spacing = 1.05 } }",
+            "amount = { count = 20000 }\nplacement = { deposit = { lower = [0.0, 0.0], upper = [0.01, 0.02] } }",
+        ],
+        "placement",
+        &["takes about 172 grains, and 20000 are asked for", "make it larger or ask for fewer"],
+    ),
+    mistake(
+        "a few more grains poured than the box takes",
+        [
+            "amount = { count = 40 }\nplacement = { lattice = { lower = [0.0, 0.0], upper = [0.01, 0.02], arrangement = \"triangular\", spacing = 1.05 } }",
+            "amount = { count = 180 }\nplacement = { deposit = { lower = [0.0, 0.0], upper = [0.01, 0.02] } }",
+        ],
+        "placement",
+        &["full after 1", "make it larger or ask for fewer"],
+    ),
+    mistake(
+        "far more grains at random than the box takes",
+        [
+            "amount = { count = 40 }\nplacement = { lattice = { lower = [0.0, 0.0], upper = [0.01, 0.02], arrangement = \"triangular\", spacing = 1.05 } }",
+            "amount = { count = 20000 }\nplacement = { random = { lower = [0.0, 0.0], upper = [0.01, 0.02] } }",
+        ],
+        "placement",
+        &["takes about 105 grains, and 20000 are asked for"],
+    ),
+    mistake(
+        "a box narrower than a grain",
+        [
+            "lattice = { lower = [0.0, 0.0], upper = [0.01, 0.02], arrangement = \"triangular\", spacing = 1.05 }",
+            "deposit = { lower = [0.0, 0.0], upper = [0.001, 0.02] }",
+        ],
+        "placement",
+        &["1.0000e-3 m wide", "the largest grain needs 1.2000e-3 m"],
+    ),
+    mistake(
+        "negative friction while settling",
+        [
+            "lattice = { lower = [0.0, 0.0], upper = [0.01, 0.02], arrangement = \"triangular\", spacing = 1.05 }",
+            "deposit = { lower = [0.0, 0.0], upper = [0.01, 0.02], friction = -0.1 }",
+        ],
+        "placement",
+        &["deposit.friction = -0.1", "0 or more"],
+    ),
+    mistake(
         "grains across a wall",
         ["from = [0.01, 0.0]", "from = [0.005, 0.0]"],
         "placement",

@@ -2,7 +2,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicIsize, AtomicUsize, Ordering::Relaxed};
-use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit, unobserved};
 use voidage_dem::{Dem, Load, Material, Settings, Vector, Wall};
 
 /// The system's allocator, counting calls and live bytes.
@@ -32,7 +32,7 @@ fn a_plain_scene_is_small_and_allocates_nothing() {
     let region = Region { low: Vector::zeros(), high: Vector::<2>::new(0.08, 0.1) };
     let radii = Radii::Uniform { min: 0.4e-3, max: 0.5e-3 };
     let fill = Fill { radii, amount: Amount::Count(3800), material: 0, materials: &materials, seed: 1 };
-    let bed = deposit(&region, &fill, &Deposit::default()).unwrap();
+    let bed = deposit(&region, &fill, &Deposit::default(), &mut unobserved).unwrap();
     assert!(bed.at_rest);
 
     let before = LIVE.load(Relaxed);

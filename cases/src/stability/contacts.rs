@@ -8,7 +8,7 @@ use super::axis::{Axis, Sample, Tally, Verdict, product};
 use crate::models::Vec2;
 use crate::verify::Effort;
 use voidage_coupling::{Result, StepReport};
-use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use voidage_dem::packing::{self, Amount, Fill, Radii, Region};
 use voidage_dem::{Dem, Load, Material, Particles, Settings, Wall};
 
 const GRAVITY: f64 = 9.81;
@@ -152,7 +152,7 @@ fn width(radii: &[f64]) -> f64 {
     area.sqrt().max(3.0 * radii.iter().copied().fold(0.0, f64::max))
 }
 
-/// Grains where a deposit starts: on a loose lattice with jitter; a single step of it leaves them there.
+/// Grains on a loose lattice with jitter, before they fall.
 fn loose(radii: Vec<f64>, friction: f64) -> Result<Particles<2>> {
     let materials = [Material { friction, ..Material::default() }];
     let (count, width) = (radii.len(), width(&radii));
@@ -164,8 +164,7 @@ fn loose(radii: Vec<f64>, friction: f64) -> Result<Particles<2>> {
         materials: &materials,
         seed: 3,
     };
-    let how = Deposit { friction: None, rest: 0.0, max_steps: 1 };
-    Ok(deposit(&region, &fill, &how)?.particles.rotating())
+    Ok(packing::loose(&region, &fill)?.rotating())
 }
 
 /// Pours grains in a closed box, so that one squeezed out between heavy ones flies no further than its lid; energy must not grow.

@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use voidage_coupling::closure::{Surroundings, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Error, Result};
-use voidage_dem::packing::{Amount, Fill, Radii, Region, random};
+use voidage_dem::packing::{Amount, Fill, Radii, Region, random, unobserved};
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
 
 /// Water and glass (SI).
@@ -207,7 +207,7 @@ impl Suspension {
             materials: &materials,
             seed: self.seed,
         };
-        Ok(random(&region, &fill)?)
+        Ok(random(&region, &fill, &mut unobserved)?)
     }
 
     pub(super) fn system(&self, particles: Particles<2>, scheme: SchemeName) -> Result<Coupled<2>> {

@@ -93,11 +93,11 @@ impl Radius {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Amount {
-    /// As many as reach this mass, kg (kg per m of depth in the plane).
+    /// As many as come nearest to this mass, kg (kg per m of depth in the plane); at least half of that of one grain.
     Mass(f64),
     /// This many.
     Count(usize),
-    /// As many as the place holds: all points of a lattice, all rows of a file.
+    /// As many as the place holds: a box up to its top, all points of a lattice, all rows of a file.
     #[default]
     Fill,
 }
@@ -106,7 +106,7 @@ pub enum Amount {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Placement {
-    /// Poured into a box and settled by gravity before time 0.
+    /// Poured into a box and settled by gravity along -y before time 0.
     Deposit(Deposit),
     /// On a regular lattice, row by row from the bottom.
     Lattice(Lattice),
@@ -116,17 +116,44 @@ pub enum Placement {
     Csv(GrainsFile),
 }
 
-/// A box into which grains are poured.
+/// A box into which grains are poured from above, on its floor, between its sides and on the walls in it (as they stand at
+/// time 0).
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deposit {
     /// Lower corner of the box, m.
     pub lower: Coordinates,
-    /// Upper corner of the box, m.
+    /// Upper corner of the box, m. Grains are let go below its top.
     pub upper: Coordinates,
     /// Seed of the random numbers. Default 1.
     #[serde(default = "first_seed")]
     pub seed: u64,
+    /// How the bed is built: `"drop-and-roll"`, each grain let go at a random place, falling and rolling to where it is held;
+    /// or `"dense"`, above the lowest place, and of eight grains the one that fits there best. Default `"drop-and-roll"`.
+    #[serde(default)]
+    pub method: Method,
+    /// Coulomb friction coefficient while the bed settles, between grains and at walls: 0 gives the densest bed. Default: that of
+    /// the materials and walls.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
+    /// Whether contacts bring the bed to rest before time 0; else it starts as it was built, and may settle then. Default true.
+    #[serde(default = "yes")]
+    pub settle: bool,
+}
+
+/// How a bed is built before it settles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Each grain is let go at a random place.
+    #[default]
+    DropAndRoll,
+    /// Each grain is let go above the lowest place, and of eight grains the one that fits there best.
+    Dense,
+}
+
+fn yes() -> bool {
+    true
 }
 
 fn first_seed() -> u64 {

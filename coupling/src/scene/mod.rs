@@ -24,7 +24,7 @@ pub use fluid::{
 };
 pub use grains::{
     Amount, Arrangement, Cohesion, Conduction, Contacts, Deposit, Grains, GrainsFile, Lattice, Material,
-    Motion, Oscillation, Placement, Radius, RandomBox, Rotation, Wall,
+    Method, Motion, Oscillation, Placement, Radius, RandomBox, Rotation, Wall,
 };
 pub use origin::{Origin, Place, SceneError};
 pub use output::{Average, Output, PressureDrop};

@@ -1,6 +1,6 @@
 //! The interior-point method against theory, and against sweeps to the last digits.
 
-use crate::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use crate::packing::{Amount, Fill, Radii, Region, loose};
 use crate::{Cohesion, Dem, Load, Material, Particles, Settings, StepReport, Vector, Wall};
 
 type V = Vector<2>;
@@ -124,8 +124,7 @@ fn grains_passed_into_each_other_where_friction_was_not_solved() {
             materials: std::slice::from_ref(&material),
             seed: 3,
         };
-        let how = Deposit { friction: None, rest: 0.0, max_steps: 1 };
-        let mut p = deposit(&region, &fill, &how).unwrap().particles.rotating();
+        let mut p = loose(&region, &fill).unwrap().rotating();
         p.mass.iter_mut().step_by(5).for_each(|m| *m *= 1e6);
         let top = p.position.iter().fold(0.0, |top: f64, x| top.max(x.y)) + 2.0 * radius;
         let [a, b, c, d] = [[0.0, 0.0], [width, 0.0], [0.0, top], [width, top]].map(V::from);

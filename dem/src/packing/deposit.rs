@@ -1,33 +1,51 @@
-//! Beds settled by gravity: a loose fill that the contact solver itself brings to rest.
+//! Beds brought to mechanical rest by the contact solver.
 
-use super::{Fill, Region};
-use crate::error::{Error, Result};
-use crate::{Dem, Load, Material, Particles, Settings, Vector, Wall};
+use super::source::Source;
+use super::{Amount, Fill, Method, Observer, Progress, Region, container, pour, solid_fraction, tell};
+use crate::error::{Error, Result, check};
+use crate::{Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// How to deposit grains between the side walls of a region, on its floor.
+/// How to deposit grains on the floor of a region, between its sides and on walls.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deposit {
-    /// Coefficient of friction while settling, between grains and at walls; 0 gives the densest beds. None: that of the materials.
+    /// How the bed is built before it settles.
+    pub method: Method,
+    /// Coefficient of friction while settling, between grains, at walls and at the sides of the region; 0 gives the densest beds.
+    /// None: that of materials and walls, and at the sides that of the grains.
     pub friction: Option<f64>,
-    /// The bed is at rest when the root mean square of the velocities is below this share of the speed that a grain gains by
-    /// falling its diameter.
+    /// Whether grains may spin while settling. With friction and without spin they stand where others would roll.
+    pub rotation: bool,
+    /// Walls beside the floor and the sides of the region, as they stand at time 0.
+    pub walls: Vec<Wall<2>>,
+    /// How contacts are solved. Of gravity the magnitude counts: grains settle along -y.
+    pub settings: Settings<2>,
+    /// The bed is at rest when, in the time that a grain needs to fall its diameter twice over, grains have moved by less than this
+    /// share of the mean diameter (root mean square), and their mean height by less than a fifth of that in twice this time.
     pub rest: f64,
-    /// Steps at most.
+    /// Steps at most; 0 leaves the bed as it was built.
     pub max_steps: usize,
 }
 
 impl Default for Deposit {
     fn default() -> Self {
-        Self { friction: None, rest: 0.02, max_steps: 5_000 }
+        Self {
+            method: Method::default(),
+            friction: None,
+            rotation: true,
+            walls: vec![],
+            settings: Settings { max_sweeps: 200, ..Settings::default() },
+            rest: 0.05,
+            max_steps: 2_000,
+        }
     }
 }
 
 /// A deposited bed and how it came to rest.
 #[derive(Clone, Debug)]
 pub struct Settled {
-    /// The grains, at rest (their remaining velocities are set to zero).
+    /// The grains; their remaining velocities are set to zero, and they have no spin yet.
     pub particles: Particles<2>,
     /// Time simulated, s.
     pub time: f64,
@@ -37,63 +55,119 @@ pub struct Settled {
     pub speed: f64,
     /// Whether the bed came to rest within the steps allowed.
     pub at_rest: bool,
+    /// Share of the bed that discs cover, by [`solid_fraction`].
+    pub solid_fraction: f64,
 }
 
-/// Deposits grains on the floor of a region by gravity along -y.
+/// Time steps in which a falling grain crosses its diameter from rest: resolves the settling of rows.
+const STEPS_OF_FALL: f64 = 10.0;
+/// Steps over which the motion of the bed is judged.
+const WINDOW: usize = 20;
+
+/// Deposits grains on the floor of a region by gravity along -y: builds a bed grain by grain ([`pour`]) and lets the contact
+/// solver bring it to rest, without restitution.
 ///
-/// Grains start on a loose lattice with jitter (radii in random order), stacked above the floor as high as needed;
-/// with [`super::Amount::Fill`] the loose lattice fills the region.
-pub fn deposit(region: &Region<2>, fill: &Fill<'_>, how: &Deposit) -> Result<Settled> {
-    let particles = loose(region, fill)?;
-    let largest = particles.radius.iter().fold(0.0, |a: f64, &r| a.max(r));
+/// # Errors
+/// Those of [`pour`] and [`Dem::new`]. A bed that does not come to rest is no error: see [`Settled::at_rest`].
+pub fn deposit(
+    region: &Region<2>,
+    fill: &Fill<'_>,
+    how: &Deposit,
+    observer: &mut Observer<'_>,
+) -> Result<Settled> {
+    check(how.rest > 0.0, how.rest, "it must be positive", || "rest".into())?;
+    let particles = pour(region, &how.walls, fill, how.method, observer)?;
+    let gravity = how.settings.gravity.norm();
+    let diameter = 2.0 * particles.radius.iter().sum::<f64>() / particles.len() as f64;
+    let mut settled = Settled {
+        particles: Particles::default(),
+        time: 0.0,
+        steps: 0,
+        speed: 0.0,
+        // Without gravity nothing moves a bed that was built.
+        at_rest: gravity == 0.0,
+        solid_fraction: 0.0,
+    };
+    let mut dem = solver(region, particles, fill, how)?;
+    if gravity > 0.0 {
+        settle(&mut dem, how, diameter, &mut settled, observer)?;
+    }
+    settled.time = dem.time();
+    settled.solid_fraction = solid_fraction(&dem.particles, dem.walls());
+    settled.particles = dem.particles;
+    settled.particles.velocity.fill(Vector::zeros());
+    settled.particles.rotation = None;
+    Ok(settled)
+}
+
+/// Steps until the bed is at rest.
+fn settle(
+    dem: &mut Dem<2>,
+    how: &Deposit,
+    diameter: f64,
+    settled: &mut Settled,
+    observer: &mut Observer<'_>,
+) -> Result<()> {
+    let gravity = how.settings.gravity.norm();
+    let fall = (2.0 * gravity * diameter).sqrt();
+    let dt = fall / gravity / STEPS_OF_FALL;
+    let count = dem.particles.len() as f64;
+    let mean_square = |vectors: &mut dyn Iterator<Item = f64>| (vectors.sum::<f64>() / count).sqrt();
+    let (mut before, mut sunk_before) = (dem.particles.position.clone(), f64::INFINITY);
+    while settled.steps < how.max_steps && !settled.at_rest {
+        tell(observer, Progress::Settling { step: settled.steps, of: how.max_steps, speed: settled.speed })?;
+        dem.step(dt, &Load::default());
+        settled.steps += 1;
+        settled.speed = mean_square(&mut dem.particles.velocity.iter().map(|v| v.norm_squared()));
+        if settled.steps.is_multiple_of(WINDOW) {
+            let now = &dem.particles.position;
+            let moved = mean_square(&mut now.iter().zip(&before).map(|(x, y)| (x - y).norm_squared()));
+            let sunk = now.iter().zip(&before).map(|(x, y)| x[1] - y[1]).sum::<f64>() / count;
+            settled.at_rest =
+                moved < how.rest * diameter && (sunk + sunk_before).abs() < 0.2 * how.rest * diameter;
+            sunk_before = sunk;
+            before.clone_from(now);
+        }
+    }
+    Ok(())
+}
+
+/// The contact solver with the container, all walls at their places of time 0.
+fn solver(region: &Region<2>, particles: Particles<2>, fill: &Fill<'_>, how: &Deposit) -> Result<Dem<2>> {
     let materials: Vec<Material> = fill
         .materials
         .iter()
         .map(|m| Material { restitution: 0.0, friction: how.friction.unwrap_or(m.friction), ..m.clone() })
         .collect();
-    let settings = Settings::<2> { max_sweeps: 200, ..Settings::default() };
-    let gravity = settings.gravity.norm();
     let friction = materials[fill.material as usize].friction;
-    let walls = container(region, &particles, friction);
-    let mut dem = Dem::new(particles, walls, materials, settings)?;
-    // A step in which a falling grain gains a tenth of the speed sqrt(2 g d): resolves the settling of rows.
-    let fall = (4.0 * gravity * largest).sqrt();
-    let dt = 0.1 * fall / gravity;
-    let mut settled =
-        Settled { particles: Particles::default(), time: 0.0, steps: 0, speed: f64::MAX, at_rest: false };
-    while settled.steps < how.max_steps && !settled.at_rest {
-        dem.step(dt, &Load::default());
-        settled.steps += 1;
-        let sum: f64 = dem.particles.velocity.iter().map(|v| v.norm_squared()).sum();
-        settled.speed = (sum / dem.particles.len().max(1) as f64).sqrt();
-        settled.at_rest = settled.speed < how.rest * fall && settled.steps > 4;
-    }
-    settled.time = dem.time();
-    settled.particles = dem.particles;
-    settled.particles.velocity.fill(Vector::zeros());
-    Ok(settled)
-}
-
-/// Floor and side walls, high enough for the loose fill.
-fn container(region: &Region<2>, particles: &Particles<2>, friction: f64) -> Vec<Wall<2>> {
-    let top =
-        particles.position.iter().zip(&particles.radius).fold(region.high[1], |t, (x, r)| t.max(x[1] + r));
-    let (low, high) = (region.low, region.high);
-    let corner = |x: f64, y: f64| Vector::<2>::new(x, y);
-    let wall = |name: &str, a, b| Wall { friction, ..Wall::new(name, a, b) };
-    vec![
-        wall("floor", low, corner(high[0], low[1])),
-        wall("left", low, corner(low[0], top)),
-        wall("right", corner(high[0], low[1]), corner(high[0], top)),
-    ]
+    let sides = container(region, &how.walls).into_iter().map(|side| Wall { friction, ..side });
+    let walls = sides.chain(how.walls.iter().map(|wall| Wall {
+        points: wall.at(0.0),
+        friction: how.friction.unwrap_or(wall.friction),
+        restitution: 0.0,
+        motion: Motion::Fixed,
+        temperature: None,
+        ..wall.clone()
+    }));
+    let walls = walls.collect();
+    let particles = if how.rotation { particles.rotating() } else { particles };
+    let mut settings = Settings { conduction: None, ..how.settings.clone() };
+    settings.gravity = Vector::<2>::new(0.0, -how.settings.gravity.norm());
+    Dem::new(particles, walls, materials, settings)
 }
 
 /// Share of a lattice cell by which grains are jittered, and the lattice spacing over the largest diameter that leaves room for it.
 const JITTER: f64 = 0.1;
 
-fn loose(region: &Region<2>, fill: &Fill<'_>) -> Result<Particles<2>> {
+/// Grains on a loose square lattice with jitter, radii in random order, stacked above the floor of the region as high as
+/// needed; with [`Amount::Fill`] they fill the region. They are at rest and touch nothing: a start for falls.
+///
+/// # Errors
+/// Values without meaning; a region narrower than a grain.
+pub fn loose(region: &Region<2>, fill: &Fill<'_>) -> Result<Particles<2>> {
     region.validate()?;
-    let mut source = super::Source::new(fill)?;
+    let mut source = Source::<2>::new(fill)?;
+    source.expected(region)?;
     let largest = fill.radii.bounds()?.1;
     let width = region.high[0] - region.low[0];
     let cell = 2.0 * largest * (1.0 + JITTER);
@@ -102,7 +176,7 @@ fn loose(region: &Region<2>, fill: &Fill<'_>) -> Result<Particles<2>> {
         return Err(Error::Scene(format!("the region is {width} m wide: a grain needs {cell} m")));
     }
     let cell = [width / columns as f64, cell];
-    let endless = matches!(fill.amount, super::Amount::Fill);
+    let endless = matches!(fill.amount, Amount::Fill);
     let mut rng = Pcg64::seed_from_u64(fill.seed ^ 0x6a69_7474_6572);
     let (mut position, mut radius) = (vec![], vec![]);
     loop {
@@ -110,7 +184,7 @@ fn loose(region: &Region<2>, fill: &Fill<'_>) -> Result<Particles<2>> {
         if endless && region.low[1] + (row + 1) as f64 * cell[1] > region.high[1] {
             break;
         }
-        let Some(r) = source.next::<2>() else { break };
+        let Some(r) = source.next() else { break };
         let corner =
             Vector::<2>::new(region.low[0] + column as f64 * cell[0], region.low[1] + row as f64 * cell[1]);
         let room = |a: usize| cell[a] - 2.0 * r;
@@ -118,30 +192,4 @@ fn loose(region: &Region<2>, fill: &Fill<'_>) -> Result<Particles<2>> {
         radius.push(r);
     }
     source.grains(position, radius)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::packing::{Amount, Radii};
-
-    #[test]
-    fn a_deposit_rests_on_its_floor_without_overlap() {
-        let glass = [Material { friction: 0.3, ..Material::default() }];
-        let radii = Radii::Uniform { min: 0.4e-3, max: 0.5e-3 };
-        let fill = Fill { radii, amount: Amount::Count(200), material: 0, materials: &glass, seed: 1 };
-        let region = Region { low: Vector::zeros(), high: Vector::<2>::new(0.02, 0.01) };
-        let bed = deposit(&region, &fill, &Deposit::default()).unwrap();
-        assert!(bed.at_rest, "speed {}", bed.speed);
-        let p = &bed.particles;
-        let top = p.position.iter().fold(0.0, |t: f64, x| t.max(x[1]));
-        assert!(top < 0.012, "{top}");
-        for i in 0..p.len() {
-            assert!(p.position[i][1] > p.radius[i] * 0.99);
-            for j in 0..i {
-                let overlap = p.radius[i] + p.radius[j] - (p.position[i] - p.position[j]).norm();
-                assert!(overlap < 1e-2 * p.radius[i], "{overlap}");
-            }
-        }
-    }
 }

@@ -141,6 +141,20 @@ mod tests {
     }
 
     #[test]
+    fn numbers_come_back_bit_for_bit() {
+        let numbers = [1.0 / 3.0, -0.1 - 0.2, 1e-300, 5e-324, 1e9 / 7.0, 2.5e-5 + f64::EPSILON * 1e-5];
+        let position = numbers.iter().map(|&x| Vector::<2>::new(x, x * 0.7)).collect();
+        let radius = numbers.map(|x| x.abs().max(1e-9) / 3.0).to_vec();
+        let glass = [Material::default()];
+        let grains = Particles::new(position, radius, vec![0; 6], &glass).unwrap();
+        let path = std::env::temp_dir().join(format!("voidage-dem-{}-bits.csv", std::process::id()));
+        write_table(&path, &grains).unwrap();
+        let again = read_table(&path, 0, &glass);
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(again.unwrap(), grains);
+    }
+
+    #[test]
     fn errors_name_line_value_and_what_is_allowed() {
         let message = |name: &str, text: &str| read(name, text).unwrap_err().to_string();
         assert!(

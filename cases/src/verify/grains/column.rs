@@ -6,7 +6,7 @@ use crate::verify::{Case, Effort, Finding, Outcome};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use voidage_coupling::Result;
-use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit, unobserved};
 use voidage_dem::{Dem, Load, Material, Particles, Settings};
 
 /// The case.
@@ -34,7 +34,8 @@ fn column(count: usize, aspect: f64, seed: u64) -> Result<(Particles<2>, f64, f6
     let region = Region { low: v(-half, 0.0), high: v(half, 2.0 * aspect * half) };
     let radii = Radii::Uniform { min, max };
     let fill = Fill { radii, amount: Amount::Count(count), material: 0, materials: &materials, seed };
-    let settled = deposit(&region, &fill, &Deposit { friction: Some(0.3), ..Deposit::default() })?;
+    let settled =
+        deposit(&region, &fill, &Deposit { friction: Some(0.3), ..Deposit::default() }, &mut unobserved)?;
     let mass: f64 = settled.particles.mass.iter().sum();
     let p = &settled.particles;
     let centre = (0..p.len()).map(|i| p.mass[i] * p.position[i].y).sum::<f64>() / mass;

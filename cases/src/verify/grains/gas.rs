@@ -7,7 +7,7 @@ use crate::verify::{Case, Effort, Finding, Outcome};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use voidage_coupling::Result;
-use voidage_dem::packing::{Amount, Fill, Radii, Region, random};
+use voidage_dem::packing::{Amount, Fill, Radii, Region, random, unobserved};
 use voidage_dem::{Dem, Load, Material, Settings, Wall};
 
 /// The case.
@@ -64,7 +64,7 @@ fn cool(seed: u64, travel: f64, last: f64) -> Result<Vec<(f64, f64)>> {
     let region = Region { low: Vec2::zeros(), high: Vec2::repeat(side()) };
     let radii = Radii::Constant(0.5 * DIAMETER);
     let fill = Fill { radii, amount: Amount::Count(COUNT), material: 0, materials: &materials, seed };
-    let mut grains = random(&region, &fill)?;
+    let mut grains = random(&region, &fill, &mut unobserved)?;
     let mut rng = generator(seed);
     grains.velocity.iter_mut().for_each(|velocity| *velocity = normal(&mut rng));
     let corners = [v(0.0, 0.0), v(side(), 0.0), v(side(), side()), v(0.0, side())];

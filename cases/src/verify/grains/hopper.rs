@@ -7,7 +7,7 @@ use crate::verify::{Case, Effort, Finding, Outcome};
 use rand::Rng;
 use rayon::prelude::*;
 use voidage_coupling::Result;
-use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit, unobserved};
 use voidage_dem::{Dem, Load, Material, Settings, Wall};
 
 /// The case.
@@ -51,7 +51,7 @@ fn flow(silo: Silo, opening: f64, seed: u64) -> Result<f64> {
     let [min, max] = DIAMETERS.map(|d| 0.5 * d);
     let radii = Radii::Uniform { min, max };
     let fill = Fill { radii, amount: Amount::Count(count), material: 0, materials: &materials, seed };
-    let bed = deposit(&region, &fill, &Deposit::default())?;
+    let bed = deposit(&region, &fill, &Deposit::default(), &mut unobserved)?;
     let wall = |name: &str, from, to| Wall { friction: FRICTION, ..Wall::new(name, from, to) };
     let (top, edge) = (10.0 * width, 0.5 * opening);
     let walls = vec![

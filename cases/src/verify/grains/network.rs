@@ -8,7 +8,7 @@ use crate::verify::{Case, Effort, Finding, Outcome};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 use voidage_coupling::{Error, Result};
-use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit};
+use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit, unobserved};
 use voidage_dem::{Conduction, Dem, Load, Material, Partner, Settings, Wall};
 
 /// The case.
@@ -108,7 +108,7 @@ fn bed(count: usize) -> Result<Vec<(f64, f64)>> {
     let region = Region { low: Vec2::zeros(), high: v(width, width) };
     let radii = Radii::Uniform { min: 0.4, max: 0.6 };
     let fill = Fill { radii, amount: Amount::Count(count), material: 0, materials: &materials, seed: 1 };
-    let settled = deposit(&region, &fill, &Deposit::default())?;
+    let settled = deposit(&region, &fill, &Deposit::default(), &mut unobserved)?;
     let wall =
         |name: &str, from, to, temperature| Wall { friction: 0.3, temperature, ..Wall::new(name, from, to) };
     let walls = vec![

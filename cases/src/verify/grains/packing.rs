@@ -7,7 +7,7 @@ use crate::verify::{Case, Effort, Finding, Outcome};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use voidage_coupling::{Error, Result};
-use voidage_dem::packing::{Amount, Fill, Radii, Region, random};
+use voidage_dem::packing::{Amount, Fill, Radii, Region, random, unobserved};
 use voidage_dem::{Dem, Load, Material, Particles, Partner, Settings};
 
 /// The case.
@@ -53,7 +53,7 @@ fn compress(count: usize, seed: u64) -> Result<Packed> {
         materials: &materials,
         seed,
     };
-    let grains = random(&region, &fill)?;
+    let grains = random(&region, &fill, &mut unobserved)?;
     let coarse = Settings { gravity: Vec2::zeros(), tolerance: 1e-4, ..precise() };
     let fine = Settings { tolerance: 1e-9, ..coarse.clone() };
     let mut dem = Dem::new(grains, vec![], materials.to_vec(), coarse)?;

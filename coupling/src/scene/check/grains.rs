@@ -194,7 +194,9 @@ fn check_places(scene: &Scene) -> Checked {
         let path = format!("grains[{i}].placement");
         match &group.placement {
             Placement::Deposit(place) => {
-                check_box(scene, &format!("{path}.deposit"), &place.lower.0, &place.upper.0)?
+                check_box(scene, &format!("{path}.deposit"), &place.lower.0, &place.upper.0)?;
+                let key = format!("{path}.deposit.friction");
+                place.friction.map_or(Ok(()), |friction| not_negative(scene, &key, friction))?;
             }
             Placement::Random(place) => {
                 check_box(scene, &format!("{path}.random"), &place.lower.0, &place.upper.0)?
@@ -214,8 +216,18 @@ fn check_places(scene: &Scene) -> Checked {
                 }
             }
         }
+        check_room(scene, i)?;
     }
     Ok(())
+}
+
+/// The grains of a group may all fit in their box.
+fn check_room(scene: &Scene, group: usize) -> Checked {
+    match crate::placing::check(scene, group) {
+        Err(Error::Scene(error)) => Err(error),
+        Err(error) => fail(scene, &format!("grains[{group}].placement"), error.to_string(), "change the box"),
+        Ok(()) => Ok(()),
+    }
 }
 
 fn check_box(scene: &Scene, path: &str, lower: &[f64], upper: &[f64]) -> Checked {
