@@ -1,4 +1,4 @@
-//! Grains cut by the mesh: 3,819 discs of 1 mm on a mesh of 1.5 mm (12,000 nodes), the case of `targets.md`.
+//! Grains cut by the mesh: 3,819 discs of 1 mm on a mesh of 1.5 mm (12,000 nodes).
 //! One thread, so that wall time is CPU time.
 
 use criterion::{Criterion, criterion_group, criterion_main};

@@ -1,4 +1,4 @@
-//! Exact oracles of the exchange between grains and fluid (physics.md, section 8).
+//! Exact oracles of the exchange between grains and fluid.
 
 use approx::assert_relative_eq;
 use voidage::models::{FluidSet, SlipBox, Vec2, grains, grid, hot_grains, one_per_cell, weightless};

@@ -6,7 +6,7 @@
 //! gives up of its own momentum. The pressures on the nodes of the inflow are not that: with steps much shorter than h^2 / nu the
 //! pressure stabilisation, which shrinks as the step does, leaves them to alternate from row to row (by 1.6 % of the weight in water
 //! with dt/tau = 1e-3). `henry-free` gives (D + kappa W)/(1 + kappa) with kappa = beta dt/(eps^2 phi rho_p), and `henry` is unstable
-//! when A (B - 1) > 2 (1 + B) (physics.md, section 5).
+//! when A (B - 1) > 2 (1 + B): see `voidage_coupling::scheme::henry`.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use crate::models::{FluidSet, Vec2, bisect, grid};
@@ -30,7 +30,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "bed-gas",
         title: "Pressure drop of a bed at rest over min(drag law, weight): 55 um grains in gas",
-        source: "physics.md, section 5",
+        source: "a bed at rest: the drag law, up to the weight",
         labels: ["inflow / fluidisation velocity", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| points(effort, &[1e-1, 1.0], 1.0),
@@ -40,7 +40,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "bed-liquid",
         title: "Pressure drop of a bed at rest over min(drag law, weight): 100 um grains in water",
-        source: "physics.md, section 5",
+        source: "a bed at rest: the drag law, up to the weight",
         labels: ["inflow / fluidisation velocity", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| points(effort, &[1e-1, 10.0], 100.0),

@@ -52,7 +52,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "fluidisation-gas",
         title: "Pressure drop over min(drag law, weight), inflow up and down: 55 um grains in gas (worst at rest)",
-        source: "physics.md, section 5",
+        source: "the drag law at rest, up to the weight",
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| points(&GAS, effort.pick(&[1.0], &[1e-2, 1e-1, 1.0, 10.0])),
@@ -62,7 +62,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "fluidisation-liquid",
         title: "Pressure drop over min(drag law, weight), inflow up and down: 100 um grains in water (worst at rest)",
-        source: "physics.md, section 5",
+        source: "the drag law at rest, up to the weight",
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| points(&LIQUID, effort.pick(&[30.0], &[1.0, 10.0, 100.0])),

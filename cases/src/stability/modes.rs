@@ -1,8 +1,8 @@
-//! Single modes of homogeneous mixtures: their amplification per step is known in closed form (physics.md, sections 5 and 8).
+//! Single modes of homogeneous mixtures: their amplification per step is known in closed form.
 //!
 //! Speeds are so small that drag is linear, convection is below round-off and no grain moves. With beta the drag per
 //! volume and slip: A = beta dt/(eps rho_f), B = beta dt/(phi rho_p) = dt over the relaxation time of a grain,
-//! r = (rho_f/rho_p)(phi/eps), so that A = B phi rho_p/(eps rho_f) and the K of physics.md is B/eps.
+//! r = (rho_f/rho_p)(phi/eps), so that A = B phi rho_p/(eps rho_f), and K = B/eps in a closed box, where eps u + phi v = 0.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use crate::models::{
@@ -37,7 +37,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "closed-box",
         title: "Grains against fluid in a closed box, voidage 0.6",
-        source: "physics.md, section 8: roots of the closed box",
+        source: "closed form: roots of the closed box",
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| match effort {
@@ -52,7 +52,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "closed-box-voidage",
         title: "The same at grain density / fluid density 2.65",
-        source: "physics.md, section 8: roots of the closed box",
+        source: "closed form: roots of the closed box",
         labels: ["voidage", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| match effort {
@@ -69,7 +69,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "slip",
         title: "Slip without constraint, voidage 0.6",
-        source: "physics.md, section 8: slip in a periodic box",
+        source: "closed form: slip in a periodic box",
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| match effort {
@@ -82,7 +82,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "held-shear",
         title: "Shear of the fluid in a bed that rests on walls, voidage 0.6",
-        source: "physics.md, section 5: (1 + B - A B)/(1 + A + B) and its like",
+        source: "closed form: shear of the fluid in a held bed, by scheme",
         labels: ["grain density / fluid density", "step / relaxation time of the grain"],
         coupled: true,
         points: |effort| match effort {
@@ -99,7 +99,7 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "heat",
         title: "Temperatures of grains and fluid in an insulated box",
-        source: "physics.md, section 8: heat box",
+        source: "closed form: temperatures of a closed box",
         labels: ["capacity of grains / of fluid, per volume", "hA dt / (m c)"],
         coupled: true,
         points: |effort| match effort {
@@ -162,8 +162,8 @@ impl Mixture {
     ///
     /// `henry` moves the grains by the force F = gamma (u - v*) of its law, so that the contact force it predicts with is -F:
     /// (1 + B) v*' = B (u' - u + v*), and (1 + A) u' = u + A v*'. Eliminating v* gives
-    /// (1 + A + B) u'' = (1 + 2 B) u' - B u, stable for all A and B. (The factor (1 + B - A B)/(1 + A + B) of physics.md,
-    /// section 5, holds where the contact force answers to gamma u instead: implicit drag with this prediction.)
+    /// (1 + A + B) u'' = (1 + 2 B) u' - B u, stable for all A and B. (The factor (1 + B - A B)/(1 + A + B) holds where the
+    /// contact force answers to gamma u instead: implicit drag with this prediction.)
     fn held_recursion(&self, scheme: SchemeName, b: f64) -> (f64, f64) {
         let a = b * self.ratio();
         match scheme {

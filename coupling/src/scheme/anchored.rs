@@ -8,7 +8,7 @@
 //! **Which M.** Let mu = m/dt. The contacts of Moreau's step project the velocities (frictionless: an orthogonal
 //! projection in the metric of mu + gamma), so R has slopes T = tau T_0 with tau between 0 (held) and 1 (free) and
 //! T_0 = 1/(mu + gamma). Take M = theta T_0, with theta_m in the law of momentum and theta_c in that of the flux, and
-//! A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), r = (rho_f/rho_p)(phi/eps) as in physics.md.
+//! A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), r = (rho_f/rho_p)(phi/eps), beta the drag per volume and slip.
 //!
 //! *Shear*, which no pressure opposes: the fluid follows the grains by u = A/(1 + A) v, so that one iteration multiplies
 //! the error by

@@ -4,7 +4,7 @@
 //! Both are exact for free grains. For a bed at rest on its floor, D the true pressure gradient, W its weight and
 //! kappa = beta dt / (eps^2 phi rho_p), `henry-free` gives (D + kappa W) / (1 + kappa). `henry` gives D, but damps shear in the
 //! held bed explicitly, by (1 + B - A B) / (1 + A + B): unstable when A (B - 1) > 2 (1 + B), which fine grains in a liquid
-//! reach (physics.md, section 5).
+//! reach. There A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), beta the drag per volume and slip.
 
 use super::{Scheme, once};
 use crate::{Coupled, Interaction, StepReport, error::Result};
