@@ -40,6 +40,13 @@ pub(crate) struct Contact<const D: usize> {
     pub j: u32,
 }
 
+impl<const D: usize> Default for Contact<D> {
+    fn default() -> Self {
+        let zero = Vector::zeros();
+        Self { normal: zero, impulse: zero, bias: 0.0, mass_n: 0.0, mass_t: 0.0, friction: 0.0, i: 0, j: 0 }
+    }
+}
+
 /// What a contact law is made of; the solver is compiled once for each.
 pub(crate) trait Law: Copy + Send + Sync {
     const FRICTION: bool;

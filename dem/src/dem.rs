@@ -1,18 +1,21 @@
 //! The simulation: state, and one step.
 
-use crate::bodies::Bodies;
 use crate::bonds::Bonds;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::mark::Mark;
 use crate::memory::{Memory, WALL};
+use crate::parallel;
 use crate::penetration::Moved;
+use crate::repair::repair;
 use crate::scene::Scene;
 use crate::search::Search;
-use crate::solver::{Grains, Problem, Stopping};
+use crate::solver::Problem;
 use crate::walls::Placed;
-use crate::{Acceleration, Load, Material, Particles, Settings, StepReport, Vector, Wall};
+use crate::{Load, Material, Particles, Settings, StepReport, Vector, Wall};
 use serde::{Deserialize, Serialize};
+
+mod contacts;
 
 /// Grains, walls and everything that carries over from step to step.
 pub struct Dem<const D: usize> {
@@ -72,16 +75,10 @@ pub struct Contact<const D: usize> {
     pub normal: Vector<D>,
     /// Mean force on the other side over the last sub-step, N (per metre of depth).
     pub force: Vector<D>,
-    /// What the contact allowed the gap to close by in the last sub-step, m: the gap at its start, or the share of the
-    /// overlap to take back (negative), or less after an impact with restitution.
+    /// What the contact allowed the gap to close by in the last sub-step, m: the gap at its start (zero for grains
+    /// that overlap), or less after an impact with restitution.
     pub gap: f64,
 }
-
-/// Overlap, as a share of the radius, that contacts may keep: a contact that closes by delta in every sub-step while a share of the overlap is
-/// taken back settles at delta / share. Half of what the stability map lets pass.
-const CLOSING: f64 = 5e-3;
-/// Attempts at a sub-step whose grains become faster than assumed.
-const ATTEMPTS: usize = 5;
 
 impl<const D: usize> Dem<D> {
     /// Checks everything; grains may touch walls and each other from the start.
@@ -133,7 +130,8 @@ impl<const D: usize> Dem<D> {
     /// Advances by `dt` seconds under a load.
     ///
     /// # Panics
-    /// If a column of the load has neither no entry nor one per grain, or `dt` is not positive: both are errors of the caller.
+    /// If a column of the load has neither no entry nor one per grain, or `dt` is not positive: both are errors of
+    /// the caller.
     pub fn step(&mut self, dt: f64, load: &Load<'_, D>) -> StepReport {
         let n = self.particles.len();
         let columns =
@@ -218,9 +216,9 @@ impl<const D: usize> Dem<D> {
     }
 
     /// The farthest that a grain goes in `dt` at a speed given by its square, over what it may in a sub-step.
-    fn travel(&self, dt: f64, squared: impl Fn(usize) -> f64) -> f64 {
+    fn travel(&self, dt: f64, squared: impl Fn(usize) -> f64 + Sync) -> f64 {
         let radius = &self.particles.radius;
-        let farthest = (0..radius.len()).fold(0.0, |most: f64, i| most.max(squared(i).sqrt() / radius[i]));
+        let farthest = parallel::largest(0..radius.len(), &|i| squared(i).sqrt() / radius[i]);
         farthest * dt / self.settings.max_travel
     }
 
@@ -236,73 +234,26 @@ impl<const D: usize> Dem<D> {
         }
     }
 
-    /// Finds and solves the contacts, again with a wider search if a grain became faster than the search assumed.
-    fn solve_contacts(&mut self, h: f64, load: &Load<'_, D>, report: &mut StepReport) {
-        self.after.clear();
-        let mut search = std::mem::take(&mut self.search);
-        let mut problem = std::mem::take(&mut self.problem);
-        let smallest = self.particles.radius.iter().copied().fold(f64::MAX, f64::min);
-        for attempt in 1.. {
-            search.prepare(&self.scene(h, load), &self.memory, &self.after, &mut problem);
-            problem.apply_impulses();
-            let stopping = Stopping {
-                tolerance: self.settings.tolerance,
-                max_sweeps: self.settings.max_sweeps,
-                momentum: self.settings.acceleration == Acceleration::Momentum,
-                floor: self.negligible(h),
-                closing: CLOSING * self.settings.overlap_share * smallest / h,
-                interior: self.settings.interior,
-            };
-            let (scene, order, radii) = (self.scene(h, load), &search.grid.order, &self.particles.radius);
-            let radius =
-                |slot: usize| order.get(slot).map_or(f64::INFINITY, |&i| radii[i as usize] / smallest);
-            let free = |bodies: &Bodies<D>| scene.set_free(order, bodies);
-            let outcome = problem.solve(&stopping, &Grains { radius: &radius, free: &free });
-            report.sweeps += outcome.sweeps;
-            let holds = search.holds(&self.scene(h, load), &problem);
-            if holds || attempt == ATTEMPTS {
-                report.residual = report.residual.max(outcome.residual);
-                report.converged &= holds && outcome.solved(&stopping);
-                break;
-            }
-            report.repeats += 1;
-            // Those of all attempts: the solution of a wider search may be slow where the one before was not, and again.
-            let known = self.after.len();
-            self.after.resize(known + self.particles.len(), Vector::zeros());
-            for (slot, &i) in search.grid.order.iter().enumerate() {
-                self.after[known + i as usize] = problem.bodies.velocity(slot);
-            }
-            self.memory.store(self.particles.len(), h, self.settings.cohesion.is_some(), || {
-                search.records(&problem, false)
-            });
-        }
-        report.substeps += 1;
-        (self.search, self.problem) = (search, problem);
-    }
-
-    /// Square of the impulse below which impulses mean nothing, (kg m/s)^2: what carries the lightest grain by 1e-9 of
-    /// its radius in the sub-step, or what rounding leaves of all momenta.
-    fn negligible(&self, h: f64) -> f64 {
-        let p = &self.particles;
-        let nudge =
-            p.mass.iter().zip(&p.radius).fold(f64::MAX, |least: f64, (m, r)| least.min(1e-9 * m * r / h));
-        let rounding = |i: usize| (1e-15 * p.mass[i]).powi(2) * p.velocity[i].norm_squared();
-        nudge * nudge + (0..p.len()).filter(|&i| !p.held(i)).map(rounding).sum::<f64>()
-    }
-
     /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.
     fn move_grains(&mut self, h: f64, load: &Load<'_, D>, last: bool, report: &mut StepReport) {
         let n = self.particles.len();
         let mut problem = std::mem::take(&mut self.problem);
+        let search = std::mem::take(&mut self.search);
         let scene = self.scene(h, load);
-        let search = &self.search;
         scene.set_free(&search.grid.order, &problem.bodies);
         problem.apply_impulses();
+        let (repair, outcome) = repair(&mut problem, &scene, &search.grid.order, &self.stopping(h, load));
+        report.sweeps += outcome.sweeps;
+        report.work += outcome.work;
         for (slot, &i) in search.grid.order.iter().enumerate() {
             let i = i as usize;
             let v = problem.bodies.velocity(slot);
             self.particles.velocity[i] = v;
             self.particles.position[i] += v * h;
+            if let Some(repair) = repair.get(slot) {
+                let most = self.settings.max_travel * self.particles.radius[i];
+                self.particles.position[i] += (repair * h).cap_magnitude(most);
+            }
             if let Some(mean) = self.mean_velocity.get_mut(i) {
                 *mean += v * h;
             }
@@ -324,7 +275,7 @@ impl<const D: usize> Dem<D> {
             report.candidates = problem.contacts.len();
             report.contacts = problem.contacts.iter().filter(|c| c.acts()).count();
         }
-        self.problem = problem;
+        (self.search, self.problem) = (search, problem);
         self.measure_penetration(h, report);
     }
 

@@ -11,8 +11,10 @@
 //!
 //! Results are the same bit for bit on any number of threads.
 
+mod band;
 mod bodies;
 mod bonds;
+mod coarse;
 mod contact;
 mod dem;
 mod error;
@@ -23,8 +25,10 @@ mod memory;
 mod momentum;
 mod neighbours;
 pub mod packing;
+mod parallel;
 mod particles;
 mod penetration;
+mod repair;
 mod scene;
 mod search;
 mod settings;

@@ -42,7 +42,8 @@ impl<const D: usize> Moved<'_, D> {
         )
     }
 
-    /// Where the centres were nearest to each other on their way: grains that have passed through each other are apart at its end.
+    /// Where the centres were nearest to each other on their way: grains that have passed through each other are
+    /// apart at its end.
     fn of_grains(&self, i: usize, j: usize) -> f64 {
         let p = self.particles;
         let arm = p.position[j] - p.position[i];
@@ -77,7 +78,8 @@ fn crossed<const D: usize>(
     }
 }
 
-/// The vector from the line of a wall to a point, and the point's share of the way from the first to the second end, beyond them too.
+/// The vector from the line of a wall to a point, and the point's share of the way from the first to the second end,
+/// beyond them too.
 fn beside<const D: usize>(wall: &Placed<D>, x: &Vector<D>) -> (Vector<D>, f64) {
     let along = wall.points[1] - wall.points[0];
     let share = (x - wall.points[0]).dot(&along) / along.norm_squared();
@@ -91,8 +93,8 @@ mod tests {
 
     const RADIUS: f64 = 1e-3;
 
-    /// What is said of grains that end at these places (in radii) after moving by these ways, beside a floor from 0 to 10 that
-    /// has risen by `risen`.
+    /// What is said of grains that end at these places (in radii) after moving by these ways, beside a floor from 0
+    /// to 10 that has risen by `risen`.
     fn depth(grains: &[([f64; 2], [f64; 2])], risen: f64, pair: (u32, Partner)) -> f64 {
         let vector = |[x, y]: [f64; 2]| Vector::<2>::new(x, y) * RADIUS;
         let material = Material { density: 1.0, ..Material::default() };

@@ -2,7 +2,7 @@
 
 use crate::bodies::Bodies;
 use crate::contact::Contact;
-use crate::memory::WALL;
+use crate::parallel;
 use crate::space::Vector;
 use crate::walls::{Placed, Wall};
 use crate::{Heat, Load, Material, Particles, Settings};
@@ -52,6 +52,16 @@ impl<const D: usize> Scene<'_, D> {
         }
     }
 
+    /// Energy of the difference between the velocities of `bodies` and those without contacts, J.
+    pub fn pushed(&self, order: &[u32], bodies: &Bodies<D>) -> f64 {
+        energy(order, bodies, |i| self.free_velocity(i))
+    }
+
+    /// Energy of the changes of the velocities since the start of the sub-step, J.
+    pub fn changed(&self, order: &[u32], bodies: &Bodies<D>) -> f64 {
+        energy(order, bodies, |i| self.particles.velocity[i])
+    }
+
     /// A, W/K.
     fn transfer(&self, i: usize) -> f64 {
         self.load.transfer.get(i).copied().unwrap_or(0.0)
@@ -90,28 +100,31 @@ impl<const D: usize> Scene<'_, D> {
         (contact, gap)
     }
 
-    /// The contact with a wall; pushes its body.
-    pub fn with_wall(&self, [a, b]: [u32; 2], i: u32, bodies: &mut Bodies<D>) -> (Contact<D>, Touch, f64) {
-        let (p, i, w) = (self.particles, i as usize, (b & !WALL) as usize);
-        let (wall, placed) = (&self.walls[w], &self.placed[w]);
+    /// Adds the body of a wall where grain i touches it.
+    pub fn push_wall(&self, touch: Touch, i: usize, bodies: &mut Bodies<D>) {
+        let placed = &self.placed[touch.wall as usize];
+        bodies.push(&placed.velocity_at(placed.nearest(&self.particles.position[i])), 0.0);
+        if bodies.spins() {
+            bodies.push_spin(0.0, 0.0);
+        }
+    }
+
+    /// The contact of grain i with a wall, and its gap.
+    pub fn with_wall(&self, slots: [u32; 2], [i, w]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
+        let (p, i) = (self.particles, i as usize);
+        let (wall, placed) = (&self.walls[w as usize], &self.placed[w as usize]);
         let share = placed.nearest(&p.position[i]);
         let arm = placed.point(share) - p.position[i];
         let distance = arm.norm();
         let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
         let gap = distance - p.radius[i];
-        let velocity = placed.velocity_at(share);
-        let before = (velocity - p.velocity[i]).dot(&normal);
-        let slot = bodies.len() as u32;
-        bodies.push(&velocity, 0.0);
-        if bodies.spins() {
-            bodies.push_spin(0.0, 0.0);
-        }
-        let contact = self.contact([a, slot], normal, gap, before, [wall.restitution, wall.friction], bodies);
-        (contact, Touch { wall: w as u32 }, gap)
+        let before = (placed.velocity_at(share) - p.velocity[i]).dot(&normal);
+        let contact = self.contact(slots, normal, gap, before, [wall.restitution, wall.friction], bodies);
+        (contact, gap)
     }
 
     /// Newton's law u_n' = -e u_n holds only for an impact: the gap closes within the sub-step if the contact
-    /// does nothing. Then u_n' + e u_n >= 0 takes the place of u_n' + gap/h >= 0, unless an overlap asks for more.
+    /// does nothing. Then u_n' + e u_n >= 0 takes the place of u_n' + gap/h >= 0.
     fn contact(
         &self,
         [i, j]: [u32; 2],
@@ -122,8 +135,7 @@ impl<const D: usize> Scene<'_, D> {
         bodies: &Bodies<D>,
     ) -> Contact<D> {
         let (a, b) = (i as usize, j as usize);
-        let share = if gap < 0.0 { self.settings.overlap_share } else { 1.0 };
-        let mut bias = share * gap / self.h;
+        let mut bias = gap.max(0.0) / self.h;
         let free = (bodies.velocity(b) - bodies.velocity(a)).dot(&normal);
         if restitution > 0.0 && before < 0.0 && free + bias < 0.0 {
             bias = bias.min(restitution * before);
@@ -141,4 +153,18 @@ impl<const D: usize> Scene<'_, D> {
             j,
         }
     }
+}
+
+/// Energy of the differences between the velocities of `bodies` and others of the grains, J.
+fn energy<const D: usize>(
+    order: &[u32],
+    bodies: &Bodies<D>,
+    other: impl Fn(usize) -> Vector<D> + Sync,
+) -> f64 {
+    parallel::sum(0..order.len(), &|slot| {
+        let mobility = bodies.mobility(slot);
+        let moves = mobility > 0.0;
+        let change = || bodies.velocity(slot) - other(order[slot] as usize);
+        if moves { 0.5 * change().norm_squared() / mobility } else { 0.0 }
+    })
 }

@@ -4,10 +4,13 @@ use crate::bodies::Bodies;
 use crate::contact::Contact;
 use crate::memory::{Memory, Record, WALL};
 use crate::neighbours::Grid;
+use crate::parallel;
+use crate::repair::LEFT;
 use crate::scene::{Scene, Touch};
-use crate::solver::Problem;
+use crate::solver::{FORK, Problem};
 use crate::space::Vector;
 use crate::spread::{SKIN, Spread, diagonal};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// Overlap, as a share of the radius, from which a contact that the search left out repeats the sub-step.
 const MISSED: f64 = 1e-4;
@@ -27,12 +30,26 @@ pub(crate) struct Search<const D: usize> {
     wall_starts: Vec<u32>,
     wall_of: Vec<u32>,
     wall_cells: Vec<(u32, u32)>,
-    /// Scratch: colours used by each slot; the pairs of a tile and their colours; walls near one grain.
-    used: Vec<u32>,
+    /// Scratch: colours used by each slot (tiles of one colour share none), and what each part of the work finds.
+    used: Vec<AtomicU32>,
+    parts: Vec<Part>,
+}
+
+/// What is found at once with other parts.
+#[derive(Default)]
+struct Part {
+    /// Pairs of its tiles, and the end of each tile.
+    pairs: Vec<[u32; 2]>,
+    ends: Vec<u32>,
+    overlaps: Vec<(u32, f64)>,
+    /// The pairs of a tile in the order in which they were found and their colours; walls near one grain.
     unsorted: Vec<[u32; 2]>,
     colour: Vec<u8>,
     near: Vec<Near>,
 }
+
+/// Parts that are looked for at once where there are many grains; their number does not depend on that of threads.
+const PARTS: usize = 16;
 
 /// A wall near a grain, and whether the nearest point is one of its ends.
 #[derive(Clone, Copy)]
@@ -62,6 +79,7 @@ impl<const D: usize> Search<D> {
         let reach = (fastest * scene.h).max(0.1 * large);
         self.grid.build(&p.position, &p.radius, reach + SKIN * 2.0 * large);
         self.fill_bodies(scene, &mut problem.bodies);
+        self.fill_places(scene, problem);
         self.gather_velocities(scene, after, &problem.bodies);
         self.place_walls(scene, large);
         self.find_pairs(scene, problem);
@@ -82,6 +100,16 @@ impl<const D: usize> Search<D> {
                 bodies.push_spin(rotation.spin[i] * r, r * r / rotation.inertia[i]);
             }
         }
+    }
+
+    /// Where the grains are, in the order of the bodies.
+    fn fill_places(&self, scene: &Scene<D>, problem: &mut Problem<D>) {
+        let p = scene.particles;
+        let order = || self.grid.order.iter().map(|&i| i as usize);
+        problem.place.clear();
+        problem.place.extend(order().map(|i| p.position[i]));
+        problem.radius.clear();
+        problem.radius.extend(order().map(|i| p.radius[i]));
     }
 
     fn gather_velocities(&mut self, scene: &Scene<D>, after: &[Vector<D>], bodies: &Bodies<D>) {
@@ -136,99 +164,118 @@ impl<const D: usize> Search<D> {
 
     /// All pairs within range, tile by tile; within a tile in an order that keeps neighbours in the list apart.
     fn find_pairs(&mut self, scene: &Scene<D>, problem: &mut Problem<D>) {
-        let p = scene.particles;
+        let grains = scene.particles.len();
         let tiles = &mut problem.tiles;
         tiles.colours.clone_from(&self.grid.colours);
         tiles.starts.clear();
         tiles.starts.push(0);
-        self.used.clear();
-        self.used.resize(p.len(), 0);
-        let mut pairs = std::mem::take(&mut self.pairs);
-        pairs.clear();
-        for tile in 0..self.grid.tiles.len() {
-            let first = pairs.len();
-            let (grid, spread, near) = (&self.grid, &self.spread, &mut self.near);
-            grid.each_in_tile(tile, |cell, a, others| {
-                let i = grid.order[a] as usize;
-                let range = spread.speed(cell) * scene.h;
-                if others.is_none() && !self.wall_starts.is_empty() && !p.held(i) {
-                    let walls = self.wall_starts[cell] as usize..self.wall_starts[cell + 1] as usize;
-                    near_walls(scene, i, &self.wall_of[walls], range, near);
-                    pairs.extend(near.iter().map(|n| [a as u32, WALL + n.wall]));
-                }
-                for b in others.into_iter().flatten() {
-                    let j = grid.order[b] as usize;
-                    let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
-                    let near = (p.position[j] - p.position[i]).norm_squared() < reach * reach;
-                    if near && !(p.held(i) && p.held(j)) {
-                        pairs.push([a as u32, b as u32]);
-                    }
-                }
-            });
-            self.spread_out(&mut pairs[first..]);
-            tiles.starts.push(pairs.len() as u32);
+        self.used.resize_with(grains, Default::default);
+        self.pairs.clear();
+        let mut parts = std::mem::take(&mut self.parts);
+        parts.resize_with(if grains > FORK { PARTS } else { 1 }, Part::default);
+        let count = parts.len();
+        for colour in self.grid.colours.windows(2) {
+            let tiles_of = |k: usize| {
+                let cut = |k: usize| colour[0] + (colour[1] - colour[0]) * k / count;
+                cut(k)..cut(k + 1)
+            };
+            let find = |k: usize, part: &mut Part| {
+                part.pairs.clear();
+                part.ends.clear();
+                tiles_of(k).for_each(|tile| self.find_in_tile(scene, tile, part));
+            };
+            parallel::each(&mut parts, 0, &find);
+            for part in &parts {
+                let first = self.pairs.len() as u32;
+                crate::reserve(&mut self.pairs, first as usize + part.pairs.len());
+                self.pairs.extend_from_slice(&part.pairs);
+                tiles.starts.extend(part.ends.iter().map(|end| first + end));
+            }
         }
-        self.pairs = pairs;
+        self.parts = parts;
+    }
+
+    fn find_in_tile(&self, scene: &Scene<D>, tile: usize, part: &mut Part) {
+        let (p, grid) = (scene.particles, &self.grid);
+        let first = part.pairs.len();
+        grid.each_in_tile(tile, |cell, a, others| {
+            let i = grid.order[a] as usize;
+            let range = self.spread.speed(cell) * scene.h;
+            if others.is_none() && !self.wall_starts.is_empty() && !p.held(i) {
+                let walls = self.wall_starts[cell] as usize..self.wall_starts[cell + 1] as usize;
+                near_walls(scene, i, &self.wall_of[walls], range, &mut part.near);
+                part.pairs.extend(part.near.iter().map(|n| [a as u32, WALL + n.wall]));
+            }
+            for b in others.into_iter().flatten() {
+                let j = grid.order[b] as usize;
+                let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
+                let near = (p.position[j] - p.position[i]).norm_squared() < reach * reach;
+                if near && !(p.held(i) && p.held(j)) {
+                    part.pairs.push([a as u32, b as u32]);
+                }
+            }
+        });
+        self.spread_out(first, part);
+        part.ends.push(part.pairs.len() as u32);
     }
 
     /// Orders the pairs of a tile by greedy colours, so that successive contacts rarely share a grain: the
     /// processor then works on several at once instead of waiting for the last one's velocities.
-    fn spread_out(&mut self, pairs: &mut [[u32; 2]]) {
+    fn spread_out(&self, first: usize, part: &mut Part) {
         let mut places = [0usize; 33];
-        self.colour.clear();
-        self.unsorted.clear();
-        self.unsorted.extend_from_slice(pairs);
+        let pairs = &mut part.pairs[first..];
+        part.colour.clear();
+        part.unsorted.clear();
+        part.unsorted.extend_from_slice(pairs);
+        let slots =
+            |pair: [u32; 2]| pair.into_iter().filter(|s| s & WALL == 0).map(|s| &self.used[s as usize]);
         for pair in pairs.iter() {
-            let slots = || pair.iter().filter(|s| **s & WALL == 0);
-            let taken = slots().fold(0, |t, s| t | self.used[*s as usize]);
+            let taken = slots(*pair).fold(0, |taken, used| taken | used.load(Relaxed));
             let colour = (!taken).trailing_zeros().min(31);
-            slots().for_each(|s| self.used[*s as usize] |= 1 << colour);
+            slots(*pair).for_each(|used| used.store(used.load(Relaxed) | 1 << colour, Relaxed));
             places[colour as usize + 1] += 1;
-            self.colour.push(colour as u8);
+            part.colour.push(colour as u8);
         }
         for k in 1..places.len() {
             places[k] += places[k - 1];
         }
-        for (pair, colour) in self.unsorted.iter().zip(&self.colour) {
+        for (pair, colour) in part.unsorted.iter().zip(&part.colour) {
             pairs[places[*colour as usize]] = *pair;
             places[*colour as usize] += 1;
-            pair.iter().filter(|s| **s & WALL == 0).for_each(|s| self.used[*s as usize] = 0);
+            slots(*pair).for_each(|used| used.store(0, Relaxed));
         }
     }
 
-    /// The contacts of all pairs, warm-started, with one immobile body for each contact with a wall.
-    fn fill_contacts(&mut self, scene: &Scene<D>, memory: &Memory<D>, problem: &mut Problem<D>) {
-        let ratio = if memory.h > 0.0 { scene.h / memory.h } else { 0.0 };
-        self.touches.clear();
-        self.ages.clear();
-        problem.contacts.clear();
-        problem.cohesion.clear();
-        problem.friction = scene.has_friction();
-        crate::reserve(&mut problem.contacts, self.pairs.len());
+    /// One immobile body for each contact with a wall; its pair then has the number of the touch.
+    fn touch_walls(&mut self, scene: &Scene<D>, bodies: &mut Bodies<D>) {
         let walls = self.pairs.iter().filter(|p| p[1] & WALL != 0).count();
-        problem.bodies.reserve(self.grid.order.len() + walls, scene.particles.rotation.is_some());
-        for &[a, b] in &self.pairs {
-            let i = self.grid.order[a as usize];
-            let (contact, j, gap) = if b & WALL == 0 {
-                let j = self.grid.order[b as usize];
-                let (contact, gap) = scene.between_grains([a, b], [i, j], &problem.bodies);
-                (contact, j, gap)
-            } else {
-                let (contact, touch, gap) = scene.with_wall([a, b], i, &mut problem.bodies);
-                self.touches.push(touch);
-                (contact, b, gap)
-            };
-            let (impulse, age) = memory.find(i, j);
-            let mut contact = contact;
-            contact.impulse = impulse * ratio;
-            if let Some(law) = &scene.settings.cohesion {
-                let age = if gap <= SKIN * 0.1 * scene.particles.radius[i as usize] { age } else { 0 };
-                let glued = j & WALL == 0 && age >= law.steps && scene.sticky(i) && scene.sticky(j);
-                self.ages.push(age);
-                problem.cohesion.push(if glued { law.force * scene.h } else { 0.0 });
-            }
-            problem.contacts.push(contact);
+        bodies.reserve(self.grid.order.len() + walls, bodies.spins());
+        self.touches.clear();
+        for [a, b] in self.pairs.iter_mut().filter(|pair| pair[1] & WALL != 0) {
+            let touch = Touch { wall: *b & !WALL };
+            scene.push_wall(touch, self.grid.order[*a as usize] as usize, bodies);
+            *b = WALL + self.touches.len() as u32;
+            self.touches.push(touch);
         }
+    }
+
+    /// The contacts of all pairs, warm-started.
+    fn fill_contacts(&mut self, scene: &Scene<D>, memory: &Memory<D>, problem: &mut Problem<D>) {
+        self.touch_walls(scene, &mut problem.bodies);
+        let count = self.pairs.len();
+        let from_rest = memory.h == 0.0 && scene.particles.velocity.iter().all(|v| v.norm() == 0.0);
+        problem.friction = scene.has_friction();
+        crate::reserve(&mut problem.contacts, count);
+        problem.contacts.resize_with(count, Contact::default);
+        let glued = if scene.settings.cohesion.is_some() { count } else { 0 };
+        problem.cohesion.resize(glued, 0.0);
+        self.ages.resize(glued, 0);
+        let (order, touches) = (&self.grid.order, &self.touches);
+        let filler = Filler { scene, memory, bodies: &problem.bodies, order, touches, from_rest };
+        let slices = (&mut problem.contacts[..], &mut problem.cohesion[..], &mut self.ages[..]);
+        filler.fill(&mut self.parts, 0, &self.pairs, slices);
+        problem.overlaps.clear();
+        self.parts.iter().for_each(|part| problem.overlaps.extend_from_slice(&part.overlaps));
     }
 
     /// Whether no contact was missed: all final velocities keep within what the search assumed, or those
@@ -299,8 +346,99 @@ impl<const D: usize> Search<D> {
     }
 }
 
-/// The free velocity of grain i, no faster than sub-steps want it. Where there were not enough of them, everyone would have a contact
-/// with everyone else on its way; in a bed at rest nobody goes it, and who does is found out afterwards.
+/// What contacts are made from.
+struct Filler<'a, const D: usize> {
+    scene: &'a Scene<'a, D>,
+    memory: &'a Memory<D>,
+    bodies: &'a Bodies<D>,
+    order: &'a [u32],
+    touches: &'a [Touch],
+    /// Whether this is the first sub-step of grains at rest.
+    from_rest: bool,
+}
+
+/// Contacts, their cohesion and their ages; the last two are empty without cohesion.
+type Slices<'a, const D: usize> = (&'a mut [Contact<D>], &'a mut [f64], &'a mut [u16]);
+
+impl<const D: usize> Filler<'_, D> {
+    /// The contacts of these pairs, the first of which has a number, part by part.
+    fn fill(&self, parts: &mut [Part], first: usize, pairs: &[[u32; 2]], slices: Slices<D>) {
+        let (contacts, cohesion, ages) = slices;
+        if let [part] = parts {
+            part.overlaps.clear();
+            for (k, pair) in pairs.iter().enumerate() {
+                let glue = cohesion.get_mut(k).zip(ages.get_mut(k));
+                let overlap = self.contact(*pair, &mut contacts[k], glue);
+                part.overlaps.extend(overlap.map(|gap| ((first + k) as u32, gap)));
+            }
+            return;
+        }
+        let half = parts.len() / 2;
+        let cut = pairs.len() * half / parts.len();
+        let (left, right) = parts.split_at_mut(half);
+        let (a, b) = pairs.split_at(cut);
+        let (contacts_a, contacts_b) = contacts.split_at_mut(cut);
+        let (cohesion_a, cohesion_b) = cohesion.split_at_mut(cut.min(cohesion.len()));
+        let (ages_a, ages_b) = ages.split_at_mut(cut.min(ages.len()));
+        rayon::join(
+            || self.fill(left, first, a, (contacts_a, cohesion_a, ages_a)),
+            || self.fill(right, first + cut, b, (contacts_b, cohesion_b, ages_b)),
+        );
+    }
+
+    /// One contact. Returns its gap over the smaller radius if its grains overlap by more than may stay.
+    fn contact(
+        &self,
+        [a, b]: [u32; 2],
+        contact: &mut Contact<D>,
+        glue: Option<(&mut f64, &mut u16)>,
+    ) -> Option<f64> {
+        let (scene, radius) = (self.scene, &self.scene.particles.radius);
+        let i = self.order[a as usize];
+        let (j, gap, smaller);
+        if b & WALL == 0 {
+            j = self.order[b as usize];
+            (*contact, gap) = scene.between_grains([a, b], [i, j], self.bodies);
+            smaller = radius[i as usize].min(radius[j as usize]);
+        } else {
+            let touch = b & !WALL;
+            j = WALL + self.touches[touch as usize].wall;
+            let slot = self.order.len() as u32 + touch;
+            (*contact, gap) = scene.with_wall([a, slot], [i, j & !WALL], self.bodies);
+            smaller = radius[i as usize];
+        }
+        let (impulse, age) = self.memory.find(i, j);
+        let ratio = if self.memory.h > 0.0 { scene.h / self.memory.h } else { 0.0 };
+        contact.impulse = if self.from_rest { cold_start(scene, i, j, contact) } else { impulse * ratio };
+        if let (Some((cohesion, kept)), Some(law)) = (glue, &scene.settings.cohesion) {
+            let age = if gap <= SKIN * 0.1 * radius[i as usize] { age } else { 0 };
+            let glued = j & WALL == 0 && age >= law.steps && scene.sticky(i) && scene.sticky(j);
+            (*cohesion, *kept) = (if glued { law.force * scene.h } else { 0.0 }, age);
+        }
+        (gap < -LEFT * smaller).then_some(gap / smaller)
+    }
+}
+
+/// Impulse of a contact in the first sub-step of grains that start from rest: it stops what forces would let close it
+/// in the sub-step, if either side did not move. In a bed that starts from rest it is far too small deep down, but
+/// where it acts it is right; sizes are found soon.
+fn cold_start<const D: usize>(scene: &Scene<D>, i: u32, j: u32, contact: &Contact<D>) -> Vector<D> {
+    let given = |i: u32| {
+        let p = scene.particles;
+        let grain = i & WALL == 0 && !p.held(i as usize);
+        if grain {
+            (scene.free_velocity(i as usize) - p.velocity[i as usize]).dot(&contact.normal).abs()
+        } else {
+            0.0
+        }
+    };
+    let closing = 0.5 * (given(i) + given(j));
+    if contact.bias < closing { contact.normal * (closing * contact.mass_n) } else { Vector::zeros() }
+}
+
+/// The free velocity of grain i, no faster than sub-steps want it. Where there were not enough of them, everyone
+/// would have a contact with everyone else on its way; in a bed at rest nobody goes it, and who does is found out
+/// afterwards.
 fn expected<const D: usize>(scene: &Scene<D>, i: usize, free: Vector<D>) -> Vector<D> {
     free.cap_magnitude(scene.settings.max_travel * scene.particles.radius[i] / scene.h)
 }

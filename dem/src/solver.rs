@@ -1,14 +1,24 @@
 //! Nonlinear Gauss-Seidel over coloured tiles: sweep, residual, stopping.
 //!
+//! A solve is a series of runs of sweeps with momentum. After each run the kinetic energy of the velocity error is
+//! estimated: what varies from grain to grain by the natural map, what is smooth by the energy that corrections over
+//! long distances would take away ([`Coarse`]). The problem is solved when that energy is below a share of the energy
+//! of what the sub-step changes of the velocities (at rest, of a part of the energy that the contacts have to do
+//! with), and no contact closes so fast that it would become an overlap that matters. Between runs the corrections
+//! are made, so that the number of sweeps hardly depends on the height of a bed.
+//!
 //! All sums run over one binary tree of tiles that depends on their number only, and tiles of one colour share no grain:
 //! the result is the same bit for bit on any number of threads, and without threads.
 
 use crate::bodies::Bodies;
+use crate::coarse::{Coarse, Kept};
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
 use crate::interior::{self, Free, Friction};
 use crate::momentum::Momentum;
 use crate::space::Vector;
 use rayon::prelude::*;
+
+mod runs;
 
 /// Ranges of contacts: tile k holds starts[k] .. starts[k + 1]; colour c the tiles colours[c] .. colours[c + 1].
 #[derive(Default)]
@@ -21,7 +31,12 @@ pub(crate) struct Tiles {
 #[derive(Default)]
 pub(crate) struct Problem<const D: usize> {
     pub bodies: Bodies<D>,
+    /// Centres and radii of the grains, in the order of the bodies.
+    pub place: Vec<Vector<D>>,
+    pub radius: Vec<f64>,
     pub contacts: Vec<Contact<D>>,
+    /// Contacts whose grains overlap by more than may stay, and their gap over the smaller radius (below 0).
+    pub overlaps: Vec<(u32, f64)>,
     /// Cohesion impulse of each contact, N s; empty without cohesion.
     pub cohesion: Vec<f64>,
     pub tiles: Tiles,
@@ -32,18 +47,30 @@ pub(crate) struct Problem<const D: usize> {
     last: Vec<Vector<D>>,
     last_velocity: Vec<Vector<D>>,
     last_surface: Vec<f64>,
+    /// Impulses before the last correction over long distances.
+    uncorrected: Vec<Kept<D>>,
+    coarse: Coarse<D>,
 }
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stopping {
-    /// Relative natural map to reach.
+    /// Share of the energy of the changes of the velocities which that of their error may have.
     pub tolerance: f64,
     pub max_sweeps: usize,
+    /// Sweeps at most that go on after that, towards velocities that settle.
+    pub settling_sweeps: usize,
+    /// Runs of sweeps before corrections over long distances begin: what is solved until then has nothing to gain.
+    /// None: there are no corrections.
+    pub short_runs: Option<usize>,
     pub momentum: bool,
-    /// Smallest scale of the relative natural map, the square of an impulse (kg m/s)^2.
+    /// Energy of the velocities that forces give in the sub-step, J.
+    pub forced: f64,
+    /// Smallest scale of energies, J.
     pub floor: f64,
-    /// Speed at which a contact of the smallest grain may close beyond its gap, m/s; others in proportion to their radius.
+    /// Energy below which errors mean nothing, J.
+    pub negligible: f64,
+    /// Speed at which a contact may close beyond its gap over the smaller radius, 1/s.
     pub closing: f64,
     /// Whether to go on by the interior-point method where sweeps do not suffice.
     pub interior: bool,
@@ -51,28 +78,38 @@ pub(crate) struct Stopping {
 
 /// What the problem does not hold of its grains.
 pub(crate) struct Grains<'a, const D: usize> {
-    /// Radius of a body over that of the smallest grain; infinite for walls.
-    pub radius: &'a dyn Fn(usize) -> f64,
     /// Sets the velocities without contacts. (Taking impulses back from velocities would leave nothing of them where sweeps
     /// have diverged.)
     pub free: &'a dyn Fn(&Bodies<D>),
+    /// Energy of what the contacts have changed, J.
+    pub pushed: &'a dyn Fn(&Bodies<D>) -> f64,
+    /// Energy of the changes of the velocities since the start of the sub-step, J.
+    pub changed: &'a dyn Fn(&Bodies<D>) -> f64,
 }
+
+/// What problems lack in which grains would pass into each other, beyond any error of energies.
+const PASSES: f64 = 1e30;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Outcome {
     pub sweeps: usize,
+    /// Contacts relaxed, on all levels.
+    pub work: usize,
+    /// Energy of the velocity error over that of what the contacts have to do with.
+    pub error: f64,
+    /// Energy of the changes of the velocities in the sub-step over the same.
+    changed: f64,
     /// Relative natural map.
     pub residual: f64,
-    /// Fastest closing of a contact beyond its gap, over what is allowed; 0 if below.
+    /// Fastest closing of a contact beyond its gap, over what is allowed.
     pub closing: f64,
 }
 
 impl Outcome {
     /// Solved up to 1. No grain may pass through another: closing counts first.
     fn excess(&self, stopping: &Stopping) -> f64 {
-        let closing = if self.closing > 1.0 { self.closing } else { 0.0 };
-        self.residual.max(closing) / stopping.tolerance
+        if self.closing > 1.0 { PASSES * self.closing } else { self.share() / stopping.tolerance }
     }
 
     pub fn solved(&self, stopping: &Stopping) -> bool {
@@ -80,32 +117,51 @@ impl Outcome {
     }
 }
 
-/// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten nanoseconds.
-const FORK: usize = 10_000;
-/// Sweeps between looks at the true residual at least.
-const LOOK: usize = 4;
+/// What one look at all contacts tells.
+struct Look {
+    /// Relative natural map.
+    residual: f64,
+    /// Energy that solving each contact by itself would take away, J: the part of the error that varies from grain to grain.
+    rough: f64,
+    /// Sum of |violation| |impulse|, J.
+    bound: f64,
+    /// Fastest closing of a contact beyond its gap over its smaller radius, 1/s.
+    closing: f64,
+    /// Energy of what rounding of the impulses leaves of the velocities, J.
+    rounding: f64,
+}
 
-/// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the difference that
-/// a sweep makes up.
+/// Share of the bound of friction up to which a contact sticks.
+const STICKS: f64 = 1.0 - 1e-9;
+
+/// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten nanoseconds.
+pub(crate) const FORK: usize = 10_000;
+
+/// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the
+/// difference that a sweep makes up.
 ///
-/// A sweep is no contraction when friction is strong: normal impulse and the bound mu p_n of the tangential one chase each
-/// other round a cycle. With the bound held, the problem is convex and sweeps converge; so the bound follows slowly. The share is
-/// measured, not derived: in beds with friction 10 the steps that stay unsolved are a quarter of those without. Weak friction
-/// converges without.
+/// A sweep is no contraction when friction is strong: normal impulse and the bound mu p_n of the tangential one chase
+/// each other round a cycle. With the bound held, the problem is convex and sweeps converge; so the bound follows
+/// slowly. The share is measured, not derived: in beds with friction 10 the steps that stay unsolved are a quarter of
+/// those without. Weak friction converges without.
 const STRONG: f64 = 1.0;
 const LAGGING: usize = 200;
 const FOLLOW: f64 = 0.05;
 
-/// Bodies up to which the interior-point method goes on where grains pass into each other, and where only forces are not solved. Its factors
-/// take more than linear time: up to the second it costs about as much as the sweeps did, up to the first seconds.
+/// Bodies up to which the interior-point method goes on where grains pass into each other, and where only forces are
+/// not solved. Its factors take more than linear time: up to the second it costs about as much as the sweeps did, up
+/// to the first seconds.
 const CLOSING_BODIES: usize = 10_000;
 const UNSOLVED_BODIES: usize = 1000;
 
-/// Squares of change and impulse, and the product of the change with the step of the extrapolation.
-type Sums = [f64; 3];
+/// What a pass over the contacts adds up, and the largest of a last number.
+type Sums = ([f64; 5], f64);
 
+const NOTHING: Sums = ([0.0; 5], 0.0);
+
+#[inline(always)]
 fn add(a: Sums, b: Sums) -> Sums {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+    (std::array::from_fn(|k| a.0[k] + b.0[k]), a.1.max(b.1))
 }
 
 /// Calls `f(contacts, last, first)` on each tile, halving the range of tiles, in parallel where it pays.
@@ -153,12 +209,12 @@ impl<const D: usize> Problem<D> {
         if first.solved(stopping) || !stopping.interior || self.bodies.len() > most {
             return first;
         }
-        let mut judge = |problem: &mut Self| problem.look_closely::<L>(stopping, grains).excess(stopping);
+        let mut judge = |problem: &mut Self| problem.judge::<L>(stopping, grains, true).excess(stopping);
         let free = Free::new(self, grains);
         let mut lacks = f64::MAX;
         for friction in [Friction::Follows, Friction::Held, Friction::Out] {
             // Forces may stay unsolved; that no grain closes may not.
-            if lacks * stopping.tolerance > 1.0 && (L::FRICTION || friction == Friction::Follows) {
+            if lacks > PASSES && (L::FRICTION || friction == Friction::Follows) {
                 lacks = interior::solve(self, &free, friction, &mut judge);
             }
         }
@@ -172,53 +228,19 @@ impl<const D: usize> Problem<D> {
                 self.bodies.set_state(&state);
             }
         }
-        let outcome = self.look_closely::<L>(stopping, grains);
-        Outcome { sweeps: first.sweeps + again, ..outcome }
+        let outcome = self.judge::<L>(stopping, grains, true);
+        Outcome { sweeps: first.sweeps + again, work: first.work, ..outcome }
     }
 
-    fn sweeps<L: Law>(&mut self, stopping: &Stopping, grains: &Grains<D>) -> Outcome {
-        let mut outcome = self.look::<L>(stopping);
-        let mut last_look = 0;
-        self.bounds.clear();
-        let mut strong = None;
-        let mut momentum = Momentum::default();
-        self.start_momentum(stopping.momentum);
-        loop {
-            // Who closes is looked at where all else is solved.
-            if outcome.closing > 0.0
-                && (outcome.residual <= stopping.tolerance || outcome.sweeps == stopping.max_sweeps)
-            {
-                outcome.closing = self.closing::<L>(stopping, grains);
-            }
-            if outcome.solved(stopping) || outcome.sweeps == stopping.max_sweeps {
-                return outcome;
-            }
-            let mut looked = false;
-            while !looked {
-                if L::FRICTION && outcome.sweeps >= LAGGING {
-                    let any = |contacts: &[Contact<D>]| contacts.iter().any(|c| c.friction > STRONG);
-                    if *strong.get_or_insert_with(|| any(&self.contacts)) {
-                        self.follow_bounds();
-                    }
-                }
-                let [change, size, turn] = if stopping.momentum {
-                    self.extrapolate(momentum.beta);
-                    self.sweep::<L, true>(momentum.beta)
-                } else {
-                    self.sweep::<L, false>(0.0)
-                };
-                outcome.sweeps += 1;
-                momentum.update(change, turn);
-                // The change of a sweep is the natural map met on the way, contact by contact: it tells for free
-                // when the true one is worth a look.
-                let near = change <= (stopping.tolerance * stopping.tolerance) * size.max(stopping.floor);
-                let since = outcome.sweeps - last_look;
-                let end = outcome.sweeps == stopping.max_sweeps;
-                looked = (near && since >= LOOK) || since >= 2 * LOOK || end;
-            }
-            last_look = outcome.sweeps;
-            outcome = Outcome { sweeps: outcome.sweeps, ..self.look::<L>(stopping) };
-        }
+    /// A sweep, with momentum if there is a pace.
+    fn paced_sweep<L: Law>(&mut self, pace: &mut Option<Momentum>) {
+        let Some(pace) = pace else {
+            self.sweep::<L, false>(0.0);
+            return;
+        };
+        self.extrapolate(pace.beta);
+        let ([change, turn, ..], _) = self.sweep::<L, true>(pace.beta);
+        pace.update(change, turn);
     }
 
     /// Moves the bounds of friction towards mu (p_n + c).
@@ -235,21 +257,23 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    fn start_momentum(&mut self, on: bool) {
+    fn start_momentum(&mut self, on: bool) -> Option<Momentum> {
         self.last.clear();
         self.last_velocity.clear();
         self.last_surface.clear();
-        if on {
-            let bodies = &self.bodies;
-            crate::reserve(&mut self.last, self.contacts.len());
-            self.last.extend(self.contacts.iter().map(|c| c.impulse));
-            crate::reserve(&mut self.last_velocity, bodies.len());
-            self.last_velocity.extend((0..bodies.len()).map(|i| bodies.velocity(i)));
-            if bodies.spins() {
-                crate::reserve(&mut self.last_surface, bodies.len());
-                self.last_surface.extend((0..bodies.len()).map(|i| bodies.surface(i)));
-            }
+        if !on {
+            return None;
         }
+        let bodies = &self.bodies;
+        crate::reserve(&mut self.last, self.contacts.len());
+        self.last.extend(self.contacts.iter().map(|c| c.impulse));
+        crate::reserve(&mut self.last_velocity, bodies.len());
+        self.last_velocity.extend((0..bodies.len()).map(|i| bodies.velocity(i)));
+        if bodies.spins() {
+            crate::reserve(&mut self.last_surface, bodies.len());
+            self.last_surface.extend((0..bodies.len()).map(|i| bodies.surface(i)));
+        }
+        Some(Momentum::default())
     }
 
     /// v + beta (v - last v), to match the impulses p + beta (p - last p) that the next sweep starts from.
@@ -278,7 +302,7 @@ impl<const D: usize> Problem<D> {
     fn sweep<L: Law, const MOMENTUM: bool>(&mut self, beta: f64) -> Sums {
         let (bodies, cohesion, bounds) = (&self.bodies, &self.cohesion, &self.bounds);
         let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], first: usize| {
-            let mut sums = [0.0; 3];
+            let (mut change, mut turn) = (0.0, 0.0);
             for (k, c) in contacts.iter_mut().enumerate() {
                 let lags = L::FRICTION && c.friction > STRONG;
                 let bound = if lags { bounds.get(first + k).copied() } else { None };
@@ -289,51 +313,93 @@ impl<const D: usize> Problem<D> {
                     start += (before - last[k]) * beta;
                     last[k] = before;
                 }
-                let change = relax::<L, D>(bodies, c, &start, cohesion, bound);
-                let turn = if MOMENTUM { -change.dot(&(c.impulse - before)) } else { 0.0 };
-                sums = add(sums, [change.norm_squared(), c.impulse.norm_squared(), turn]);
+                let step = relax::<L, D>(bodies, c, &start, cohesion, bound);
+                change += step.norm_squared();
+                if MOMENTUM {
+                    turn -= step.dot(&(c.impulse - before));
+                }
             }
-            sums
+            ([change, turn, 0.0, 0.0, 0.0], 0.0)
         };
         over_colours(&self.tiles, &mut self.contacts, &mut self.last, tile)
     }
 
-    /// Relative natural map of the present impulses and velocities, and whether a contact may close. rho = 1/w_n between equals, half
-    /// of the heavier mass otherwise: with 1/w_n, near the lighter mass, a heavy lid that falls freely on light grains
-    /// would look solved.
-    fn look<L: Law>(&mut self, stopping: &Stopping) -> Outcome {
-        let (bodies, cohesion) = (&self.bodies, &self.cohesion);
+    /// What the natural map r of the present impulses and velocities says.
+    ///
+    /// rho = 1/w_n between equals, half of the heavier mass otherwise: with 1/w_n, near the lighter mass, a heavy lid
+    /// that falls freely on light grains would look solved. r / rho is the speed by which a contact is violated.
+    fn look<L: Law>(&mut self) -> Look {
+        let (bodies, cohesion, radius) = (&self.bodies, &self.cohesion, &self.radius);
         let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], first: usize| {
-            let mut sums = [0.0; 3];
+            let mut sums = NOTHING;
             for (k, c) in contacts.iter().enumerate() {
                 let u = relative::<L, D>(bodies, c);
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
-                let heavier = bodies.heavier(c.i as usize, c.j as usize);
-                let [error, size] = c.natural_map::<L>(&u, c.mass_n.max(0.5 * heavier), cohesion);
-                let closing = (u.dot(&c.normal) + c.bias).min(0.0).powi(4);
-                sums = add(sums, [error, size, closing]);
+                let rho = c.mass_n.max(0.5 * bodies.heavier(c.i as usize, c.j as usize));
+                let [square, size] = c.natural_map::<L>(&u, rho, cohesion);
+                let (r, p) = (square.sqrt(), size.sqrt());
+                let energies = [0.5 * square / rho, r / rho * (r + p), 0.5 * size / rho];
+                let closing = -(u.dot(&c.normal) + c.bias) / smaller(radius, c);
+                sums = add(sums, ([square, size, energies[0], energies[1], energies[2]], closing));
             }
             sums
         };
-        let [error, size, closing] = over_tiles(&self.tiles.starts, &mut self.contacts, &mut [], &tile);
-        let size = size.max(stopping.floor).max(f64::MIN_POSITIVE);
-        // The sum of fourth powers bounds the largest.
-        let closing =
-            if stopping.interior && closing.sqrt().sqrt() > stopping.closing { f64::INFINITY } else { 0.0 };
-        Outcome { sweeps: 0, residual: if error == 0.0 { 0.0 } else { (error / size).sqrt() }, closing }
+        let ([square, size, rough, bound, carried], closing) =
+            over_tiles(&self.tiles.starts, &mut self.contacts, &mut [], &tile);
+        let residual = if square == 0.0 { 0.0 } else { (square / size.max(f64::MIN_POSITIVE)).sqrt() };
+        Look { residual, rough, bound, closing, rounding: (4.0 * f64::EPSILON).powi(2) * carried }
     }
 
-    fn look_closely<L: Law>(&mut self, stopping: &Stopping, grains: &Grains<D>) -> Outcome {
-        Outcome { closing: self.closing::<L>(stopping, grains), ..self.look::<L>(stopping) }
-    }
-
-    /// Fastest closing of a contact beyond its gap, over what is allowed.
-    fn closing<L: Law>(&self, stopping: &Stopping, grains: &Grains<D>) -> f64 {
+    /// The largest share of its smaller radius by which a contact closes beyond its gap in a sub-step.
+    pub fn deepest(&self, h: f64) -> f64 {
         self.contacts.iter().fold(0.0, |most: f64, c| {
-            let smaller = (grains.radius)(c.i as usize).min((grains.radius)(c.j as usize));
-            let speed = -(relative::<L, D>(&self.bodies, c).dot(&c.normal) + c.bias);
-            most.max(speed / (stopping.closing * smaller))
+            let u = self.bodies.velocity(c.j as usize) - self.bodies.velocity(c.i as usize);
+            most.max(-(u.dot(&c.normal) + c.bias) * h / smaller(&self.radius, c))
         })
+    }
+
+    /// Makes the overlaps beyond `left`, a share of the smaller radius, part of the problem: within `h` seconds they
+    /// must be gone. Returns the biases that their contacts had.
+    pub fn ask_overlaps_back(&mut self, left: f64, h: f64) -> Vec<f64> {
+        let before = self.overlaps.iter().map(|(k, _)| self.contacts[*k as usize].bias).collect();
+        for k in 0..self.overlaps.len() {
+            let (contact, gap) = self.overlaps[k];
+            let speed = (gap + left) * smaller(&self.radius, &self.contacts[contact as usize]) / h;
+            let bias = &mut self.contacts[contact as usize].bias;
+            *bias = bias.min(speed);
+        }
+        before
+    }
+
+    /// The deepest overlap at the start of the sub-step as a share of the smaller radius.
+    pub fn deepest_overlap(&self) -> f64 {
+        self.overlaps.iter().fold(0.0, |most, (_, gap)| most.max(-gap))
+    }
+
+    /// Whether friction is at its limit.
+    #[inline(always)]
+    pub fn slides<L: Law>(&self, k: usize, c: &Contact<D>) -> bool {
+        L::FRICTION && {
+            let rubbed = c.impulse - c.normal * c.impulse.dot(&c.normal);
+            rubbed.norm() >= STICKS * c.friction * self.pressed(k, c)
+        }
+    }
+
+    /// What a contact presses with, cohesion included, N s.
+    pub fn pressed(&self, k: usize, c: &Contact<D>) -> f64 {
+        c.impulse.dot(&c.normal) + self.cohesion.get(k).copied().unwrap_or(0.0)
+    }
+
+    /// Where the surface of the first grain is at a contact.
+    #[inline(always)]
+    pub fn point(&self, c: &Contact<D>) -> Vector<D> {
+        self.place[c.i as usize] + c.normal * self.radius[c.i as usize]
+    }
+
+    /// Relative velocity at a contact, m/s.
+    #[inline(always)]
+    pub fn relative_at<L: Law>(&self, c: &Contact<D>) -> Vector<D> {
+        relative::<L, D>(&self.bodies, c)
     }
 
     /// Adds all impulses to the velocities: the warm start, and the exact velocities at the end.
@@ -348,7 +414,7 @@ impl<const D: usize> Problem<D> {
                     bodies.push_apart::<false>(i, j, &c.normal, &c.impulse);
                 }
             }
-            [0.0; 3]
+            NOTHING
         };
         over_colours(&self.tiles, &mut self.contacts, &mut [], tile);
     }
@@ -364,7 +430,7 @@ fn over_colours<const D: usize, F>(
 where
     F: Fn(&mut [Contact<D>], &mut [Vector<D>], usize) -> Sums + Sync,
 {
-    let mut sums = [0.0; 3];
+    let mut sums = NOTHING;
     for colour in tiles.colours.windows(2).filter(|c| c[0] < c[1]) {
         let starts = &tiles.starts[colour[0]..=colour[1]];
         let range = starts[0] as usize..starts[starts.len() - 1] as usize;
@@ -372,6 +438,13 @@ where
         sums = add(sums, over_tiles(starts, &mut contacts[range], &mut last[past], &f));
     }
     sums
+}
+
+/// The smaller radius of a contact, m; walls have none.
+#[inline(always)]
+fn smaller<const D: usize>(radius: &[f64], c: &Contact<D>) -> f64 {
+    let of = |slot: u32| radius.get(slot as usize).copied().unwrap_or(f64::INFINITY);
+    of(c.i).min(of(c.j))
 }
 
 #[inline(always)]

@@ -2,7 +2,8 @@
 
 use nalgebra::SVector;
 
-/// A point or vector of the plane (`D = 2`) or of space (`D = 3`); metres, metres per second, newtons (per metre of depth in the plane).
+/// A point or vector of the plane (`D = 2`) or of space (`D = 3`); metres, metres per second, newtons (per metre of
+/// depth in the plane).
 pub type Vector<const D: usize> = SVector<f64, D>;
 
 /// Area of a disc, m2, or volume of a sphere, m3.

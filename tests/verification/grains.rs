@@ -30,7 +30,7 @@ fn discs(position: Vec<V>, radius: f64, material: &Material) -> Particles<2> {
 }
 
 fn precise() -> Settings<2> {
-    Settings { tolerance: 1e-12, max_sweeps: 100_000, ..Settings::default() }
+    Settings { tolerance: 1e-24, max_sweeps: 100_000, ..Settings::default() }
 }
 
 fn stack(n: usize, settings: Settings<2>) -> Dem<2> {
@@ -48,7 +48,7 @@ fn the_grains_of_the_suite() {
 fn warm_starts_need_no_sweeps_at_rest() {
     let mut dem = stack(50, precise());
     dem.step(1e-3, &Load::default());
-    let settled = Settings { tolerance: 1e-4, ..precise() };
+    let settled = Settings { tolerance: 1e-8, ..precise() };
     let mut warm =
         Dem::new(dem.particles.clone(), dem.walls().to_vec(), dem.materials().to_vec(), settled).unwrap();
     warm.restore(dem.state()).unwrap();
@@ -182,7 +182,8 @@ fn tips_joints_and_corners() {
     joint.particles.velocity[0] = v(1.0, 0.0);
     for _ in 0..400 {
         joint.step(1e-3, &Load::default());
-        assert_eq!(joint.contacts().filter(|c| c.force.norm() > 0.0).count(), 1);
+        let weight = joint.particles.mass[0] * G;
+        assert_eq!(joint.contacts().filter(|c| c.force.norm() > 1e-9 * weight).count(), 1);
     }
     assert_relative_eq!(joint.particles.velocity[0], v(1.0, 0.0), epsilon = 1e-12);
 
@@ -228,7 +229,7 @@ fn cohesion_holds_up_to_its_force() {
         let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material);
         grains.mass[0] *= 1e9; // held by its inertia
         let cohesion = Some(voidage_dem::Cohesion { force, steps: 3 });
-        let settings = Settings { gravity: V::zeros(), cohesion, ..Settings::default() };
+        let settings = Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, ..Settings::default() };
         let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
         let mut load = Load::default();
         (0..4).for_each(|_| assert!(dem.step(dt, &load).converged));
@@ -247,9 +248,7 @@ fn cohesion_holds_up_to_its_force() {
 }
 
 /// A stack of 100 under a lid a million times as heavy as a grain, and a big grain on a bed of grains a hundred times
-/// smaller: contacts converge, nothing is crushed, on average the floor carries the weight. (Under the lid each
-/// contact sees a hundredth of a fall that the lid's mass makes large: that takes a tolerance of 1e-7. At 1e-4 the lid sinks
-/// by 1e-2 radii in 0.2 s while the natural map, a mean over contacts, looks solved.)
+/// smaller: contacts converge, nothing is crushed, on average the floor carries the weight.
 #[test]
 fn extreme_masses_and_sizes_stand() {
     let material = Material::default();
@@ -257,7 +256,7 @@ fn extreme_masses_and_sizes_stand() {
     let mut grains = discs(x, 0.5, &material);
     grains.mass[99] *= 1e6;
     let total: f64 = grains.mass.iter().sum::<f64>() * G;
-    let settings = Settings { tolerance: 1e-7, max_sweeps: 20_000, ..Settings::default() };
+    let settings = Settings { max_sweeps: 20_000, ..Settings::default() };
     let mut dem = Dem::new(grains, vec![floor(0.0)], vec![material], settings).unwrap();
     let mut mean = 0.0;
     for _ in 0..200 {

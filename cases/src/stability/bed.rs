@@ -338,7 +338,7 @@ impl Bed {
         let relaxation = self.solid / self.drag(speed, lying.voidage);
         // What the contacts leave unsolved must not carry a grain by more than a thousandth of its diameter.
         let fall = self.gravity() * relaxation * step.min(1.0) * relaxation * step;
-        let tolerance = (1e-3 * self.diameter / fall).clamp(1e-12, TOLERANCE);
+        let tolerance = (1e-3 * self.diameter / fall).powi(2).clamp(1e-24, TOLERANCE);
         let mut free = self.system((&lying.particles, &lying.material), speed, scheme, (false, tolerance))?;
         let least = if step < 10.0 { 40.0 } else { 16.0 };
         let mut steps = (5.0 / step).ceil().clamp(least, 5000.0);

@@ -353,7 +353,7 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
         true => {
             let creep = 1e-8 * VISCOSITY / (RHO_F * 2.0 * RADIUS);
             let gravity = Vec2::new(0.0, -1e2 * creep * b / dt);
-            (creep, Settings { gravity, tolerance: 1e-13, ..Settings::default() })
+            (creep, Settings { gravity, tolerance: 1e-26, ..Settings::default() })
         }
         false => (1e-16, weightless()),
     };

@@ -13,7 +13,7 @@ const OF_A_FILE: f64 = 1e4;
 pub fn of_scene(scene: &Scene) -> f64 {
     let grains: f64 = scene.grains.iter().map(count).sum();
     // Sweeps grow with the digits that are asked for.
-    let tolerance = scene.contacts.as_ref().map_or(1e-4, |contacts| contacts.tolerance);
+    let tolerance = scene.contacts.as_ref().map_or(1e-3, |contacts| contacts.tolerance);
     let digits = -tolerance.clamp(1e-15, 0.5).log10();
     let fluid = scene.fluid.as_ref().map_or(0.0, fluid);
     scene.time.steps() as f64 * (grains * (1.0 + digits) + fluid)

@@ -271,7 +271,8 @@ impl Slip {
 pub struct Stack {
     /// Discs. 2 or more. Default 100.
     pub count: usize,
-    /// Relative natural-map residual at which the sweeps stop. Above 0. Default 1e-4.
+    /// Share of the energy of the changes of the velocities which that of their error may have when the sweeps stop. Above
+    /// 0. Default 1e-3.
     pub tolerance: f64,
     /// `"none"`, plain Gauss-Seidel, or `"momentum"`. Default `"momentum"`.
     #[schemars(with = "String")]
@@ -280,7 +281,7 @@ pub struct Stack {
 
 impl Default for Stack {
     fn default() -> Self {
-        Self { count: 100, tolerance: 1e-4, acceleration: Acceleration::Momentum }
+        Self { count: 100, tolerance: 1e-3, acceleration: Acceleration::Momentum }
     }
 }
 

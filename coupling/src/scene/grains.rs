@@ -278,8 +278,9 @@ pub struct Rotation {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Contacts {
-    /// Relative natural-map residual at which the sweeps stop. Above 0, at most 0.1: with more, unsolved contacts would count as
-    /// solved. Default 1e-4.
+    /// Energy that the error of the velocities may have, as a share of the energy of what a sub-step changes of them. At
+    /// rest, where little changes, it is a share of a hundredth of the energy that forces bring and contacts take. Above
+    /// 0, at most 0.1: with more, unsolved contacts would count as solved. Default 1e-3.
     pub tolerance: f64,
     /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
     pub max_sweeps: usize,
@@ -308,7 +309,7 @@ pub struct Contacts {
 impl Default for Contacts {
     fn default() -> Self {
         Contacts {
-            tolerance: 1e-4,
+            tolerance: 1e-3,
             max_sweeps: 1000,
             interior: false,
             max_travel: 0.5,

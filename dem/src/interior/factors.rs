@@ -1,8 +1,8 @@
 //! Factors of a sparse matrix of blocks whose pattern is symmetric.
 //!
-//! The grains are eliminated by minimum degree: of those left, the one with the fewest neighbours goes next, and its neighbours become
-//! neighbours of each other. That gives the order and the pattern at once. Blocks are inverted with pivoting, blocks are not
-//! exchanged: each is a mass, and what contacts add to it.
+//! The grains are eliminated by minimum degree: of those left, the one with the fewest neighbours goes next, and its
+//! neighbours become neighbours of each other. That gives the order and the pattern at once. Blocks are inverted with
+//! pivoting, blocks are not exchanged: each is a mass, and what contacts add to it.
 
 use nalgebra::SMatrix;
 use std::collections::BTreeSet;
@@ -213,7 +213,8 @@ impl<const B: usize> Blocks<B> {
     }
 }
 
-/// Inverse by Gauss and Jordan with pivots from the column: contacts make blocks too ill-conditioned for a formula with determinants.
+/// Inverse by Gauss and Jordan with pivots from the column: contacts make blocks too ill-conditioned for a formula
+/// with determinants.
 fn invert<const B: usize>(mut block: Block<B>) -> Option<Block<B>> {
     let mut inverse: Block<B> = Block::identity();
     for k in 0..B {

@@ -1,9 +1,9 @@
 //! Contacts by an interior-point method, where sweeps stall.
 //!
-//! A sweep moves one contact at a time by the mass of its lighter grain, so what rests on lighter grains takes as many sweeps as it
-//! is heavier than they are. Newton steps on all contacts at once do not see the ratio of masses. With the rows h of each
-//! contact (normal and tangents, u = h v + base), q = p_n + c and the room a = mu q - p_t, b = mu q + p_t that friction has left,
-//! Signorini's and Coulomb's conditions are
+//! A sweep moves one contact at a time by the mass of its lighter grain, so what rests on lighter grains takes as
+//! many sweeps as it is heavier than they are. Newton steps on all contacts at once do not see the ratio of masses.
+//! With the rows h of each contact (normal and tangents, u = h v + base), q = p_n + c and the room a = mu q - p_t, b
+//! = mu q + p_t that friction has left, Signorini's and Coulomb's conditions are
 //!
 //! ```text
 //!     M (v - free) = sum h^T p,
@@ -11,22 +11,22 @@
 //!     u_t + y - z = 0,    a y = b z = 0,       a, b, y, z >= 0,
 //! ```
 //!
-//! y and z being the two slips. All products are held at tau > 0, and tau is led to zero. A Newton step eliminates everything but
-//! the velocities: per contact dp = c - D du with
+//! y and z being the two slips. All products are held at tau > 0, and tau is led to zero. A Newton step eliminates
+//! everything but the velocities: per contact dp = c - D du with
 //!
 //! ```text
 //!     D_nn = q / w,   D_tt = 1 / E,   D_tn = (y / a - z / b) mu / E  D_nn,     E = y / a + z / b,
 //!     (M + sum h^T D h) dv = h^T c - [M (v - free) - h^T p],
 //! ```
 //!
-//! a sparse system over the grains ([`factors`]). D_tn is the bound of friction that follows the normal impulse; it makes D
-//! unsymmetric and, with strong friction, indefinite, so that steps may stall at the boundary. A step cut short is followed by one to
-//! the centre with half of D_tn, until steps are long again; without D_tn the system is that of a convex problem. All other steps
-//! are taken twice with one factorisation (Mehrotra's predictor and corrector). The best point met is kept. Ten to thirty
-//! factorisations solve beds whose masses differ by 1e6; what remains unsolved after `STEPS` is reported as such. Where grains
-//! would pass into each other because Coulomb's law was not met, the bounds of friction are held, and if they ask for stresses
-//! beside which nothing else counts, friction is left out of the sub-step: the problem is convex then, and rest is one of the points
-//! that it allows.
+//! a sparse system over the grains ([`factors`]). D_tn is the bound of friction that follows the normal impulse; it
+//! makes D unsymmetric and, with strong friction, indefinite, so that steps may stall at the boundary. A step cut
+//! short is followed by one to the centre with half of D_tn, until steps are long again; without D_tn the system is
+//! that of a convex problem. All other steps are taken twice with one factorisation (Mehrotra's predictor and
+//! corrector). The best point met is kept. Ten to thirty factorisations solve beds whose masses differ by 1e6; what
+//! remains unsolved after `STEPS` is reported as such. Where grains would pass into each other because Coulomb's law
+//! was not met, the bounds of friction are held, and if they ask for stresses beside which nothing else counts,
+//! friction is left out of the sub-step: the problem is convex then, and rest is one of the points that it allows.
 //!
 //! In space the disc of friction is replaced by the square in it; the sweeps that follow make up for that.
 
@@ -45,8 +45,8 @@ const STEPS: usize = 60;
 const SHARE: f64 = 0.99;
 /// A step cut shorter than this is followed by one to the centre.
 const SHORT: f64 = 0.1;
-/// Products at the start, over the mass of the heaviest body times the square of the fastest approach: ones too small leave the first
-/// steps at the boundary, ones too large end at self-stresses of their size where friction is strong.
+/// Products at the start, over the mass of the heaviest body times the square of the fastest approach: ones too small
+/// leave the first steps at the boundary, ones too large end at self-stresses of their size where friction is strong.
 const START: f64 = 10.0;
 /// Share of what counts as solved at which to stop: the next step starts from there, and must not need this again.
 const GOAL: f64 = 1e-2;
@@ -86,8 +86,8 @@ struct Interior<const D: usize> {
 }
 
 impl<const D: usize> Interior<D> {
-    /// The problem without its impulses, at a point in the interior; none if nothing approaches. Contacts that what approaches
-    /// may close are added to the `taken` ones, and make up the problem with them.
+    /// The problem without its impulses, at a point in the interior; none if nothing approaches. Contacts that what
+    /// approaches may close are added to the `taken` ones, and make up the problem with them.
     fn new(problem: &Problem<D>, friction: Friction, taken: &mut [bool]) -> Option<Self> {
         let bodies = &problem.bodies;
         let size = D + usize::from(bodies.spins());
@@ -232,9 +232,9 @@ impl<const D: usize> Interior<D> {
     }
 }
 
-/// Leads the problem to a solution. `judge` tells what its impulses and velocities lack (solved up to 1); those of the best point
-/// stay, and what they lack is returned. With any `friction` but Coulomb's the problem is convex and has a solution, in which no
-/// grain passes through another.
+/// Leads the problem to a solution. `judge` tells what its impulses and velocities lack (solved up to 1); those of
+/// the best point stay, and what they lack is returned. With any `friction` but Coulomb's the problem is convex and
+/// has a solution, in which no grain passes through another.
 pub(crate) fn solve<const D: usize>(
     problem: &mut Problem<D>,
     free: &Free<D>,

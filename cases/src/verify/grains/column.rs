@@ -55,7 +55,7 @@ struct Heap {
 
 fn collapse(count: usize, aspect: f64, seed: u64) -> Result<Heap> {
     let (grains, half, aspect) = column(count, aspect, seed)?;
-    let settings = Settings { max_sweeps: 300, tolerance: 1e-3, ..Settings::default() };
+    let settings = Settings { max_sweeps: 300, ..Settings::default() };
     let mut dem = Dem::new(grains.rotating(), vec![floor(FRICTION)], vec![material()], settings)?;
     let unit = (1.0 / G).sqrt();
     let fall = (2.0 * aspect * half / G).sqrt();
@@ -94,7 +94,7 @@ fn between(quantity: &str, expected: f64, measured: f64, allowed: [f64; 2]) -> F
 }
 
 fn run(effort: Effort) -> Result<Outcome> {
-    let (count, seeds) = effort.pick((400, 1), (1500, 5));
+    let (count, seeds) = effort.pick((400, 4), (1500, 5));
     let low: &[f64] = effort.pick(&[1.0], &[0.7, 1.4]);
     let tall: &[f64] = effort.pick(&[3.0, 9.0], &[3.0, 6.0, 12.0]);
     let runs: Vec<(f64, u64)> =

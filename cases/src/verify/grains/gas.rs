@@ -74,7 +74,7 @@ fn cool(seed: u64, travel: f64, last: f64) -> Result<Vec<(f64, f64)>> {
             ..Wall::new(format!("wall {k}"), corners[k], corners[(k + 1) % 4])
         })
         .collect();
-    let settings = Settings { gravity: Vec2::zeros(), tolerance: 1e-9, ..Settings::default() };
+    let settings = Settings { gravity: Vec2::zeros(), tolerance: 1e-14, ..Settings::default() };
     let mut dem = Dem::new(grains, walls, materials.to_vec(), settings)?;
     let temperature = |dem: &Dem<2>| {
         dem.particles.velocity.iter().map(|v| v.norm_squared()).sum::<f64>() / (2 * COUNT) as f64

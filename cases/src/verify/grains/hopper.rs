@@ -27,8 +27,8 @@ const DIAMETERS: [f64; 2] = [0.9, 1.1];
 /// A silo in units of d, and how its flow is measured, in units of sqrt(d/g).
 #[derive(Clone, Copy)]
 struct Silo {
-    /// Its width, at least: over the opening, and beyond it; and its height over its width. From 2.5, 30 d and 1.2 on the flow
-    /// depends on none of them.
+    /// Its width, at least: over the opening, and beyond it; and its height over its width. From 2.5, 30 d and 1.2 on
+    /// the flow depends on none of them.
     wide: f64,
     margin: f64,
     slender: f64,
@@ -60,7 +60,7 @@ fn flow(silo: Silo, opening: f64, seed: u64) -> Result<f64> {
         wall("left floor", v(-half, 0.0), v(-edge, 0.0)),
         wall("right floor", v(edge, 0.0), v(half, 0.0)),
     ];
-    let settings = Settings { tolerance: 1e-3, max_sweeps: 200, ..Settings::default() };
+    let settings = Settings { max_sweeps: 200, ..Settings::default() };
     let mut dem = Dem::new(bed.particles.rotating(), walls, materials.to_vec(), settings)?;
     let unit = (1.0 / G).sqrt();
     let mut rng = generator(seed);
@@ -142,17 +142,17 @@ fn mankoc(points: &[(f64, f64)]) -> [f64; 2] {
     candidates.min_by(|a, b| misfit(*a).total_cmp(&misfit(*b))).unwrap_or([f64::NAN; 2])
 }
 
-/// Beverloo's (W - k d)^1.5 is the limit of wide openings: k grows with W, so that with k free the exponent of such openings is above
-/// 1.5, also that of Mankoc's law. Over five seeds it must still be 1.5; one seed, with a scatter of 0.12, is held against the law
-/// fitted to the same silos, which tells little more than the fit itself.
+/// Beverloo's (W - k d)^1.5 is the limit of wide openings: k grows with W, so that with k free the exponent of such
+/// openings is above 1.5, also that of Mankoc's law. Over five seeds it must still be 1.5; one seed, with a scatter
+/// of 0.12, is held against the law fitted to the same silos, which tells little more than the fit itself.
 fn run(effort: Effort) -> Result<Outcome> {
     let silo = effort.pick(
         Silo { wide: 2.0, margin: 14.0, slender: 1.0, step: 0.05, grains: 1000 },
         Silo { wide: 2.5, margin: 30.0, slender: 1.2, step: 0.02, grains: 1000 },
     );
     let seeds = effort.pick(1, 5);
-    // Through five diameters grains flow by fits and starts, arches stop them for up to 2 sqrt(d/g), and the rate depends on the
-    // step, by 10 to 20 % between 0.05 and 0.02 (2 % at eight diameters).
+    // Through five diameters grains flow by fits and starts, arches stop them for up to 2 sqrt(d/g), and the rate
+    // depends on the step, by 10 to 20 % between 0.05 and 0.02 (2 % at eight diameters).
     let openings: &[f64] = effort.pick(&[8.0, 11.0, 15.0, 20.0], &[8.0, 12.0, 18.0, 27.0]);
     let runs: Vec<(f64, u64)> =
         openings.iter().flat_map(|w| (0..seeds).map(move |seed| (*w, seed))).collect();

@@ -10,6 +10,7 @@ mod hopper;
 mod impact;
 mod network;
 mod packing;
+mod rest;
 mod rolling;
 pub(crate) mod scene;
 mod slope;
@@ -25,6 +26,7 @@ pub const CASES: &[Case] = &[
     slope::CASE,
     impact::CASE,
     stack::CASE,
+    rest::CASE,
     cylinders::CASE,
     chain::CASE,
     network::CASE,

@@ -118,7 +118,8 @@ fn bed(count: usize) -> Result<Vec<(f64, f64)>> {
     ];
     let grains = settled.particles.rotating().heated(350.0, &materials)?;
     let start = grains.clone();
-    let settings = Settings { conduction: Some(Conduction::Henry), ..precise() };
+    // Forces to 1e-6: at the limit of friction, sweeps may go round in circles in the last digits.
+    let settings = Settings { tolerance: 1e-16, conduction: Some(Conduction::Henry), ..precise() };
     let mut dem = Dem::new(grains, walls, materials.to_vec(), settings)?;
     // C/h beside conductances of some 0.1 W/K: nearly steady, and grains without contacts keep their temperature.
     let (dt, capacity) = (1e-3, 1e-6);

@@ -54,8 +54,8 @@ fn compress(count: usize, seed: u64) -> Result<Packed> {
         seed,
     };
     let grains = random(&region, &fill, &mut unobserved)?;
-    let coarse = Settings { gravity: Vec2::zeros(), tolerance: 1e-4, ..precise() };
-    let fine = Settings { tolerance: 1e-9, ..coarse.clone() };
+    let coarse = Settings { gravity: Vec2::zeros(), tolerance: 1e-8, ..precise() };
+    let fine = Settings { tolerance: 1e-18, ..coarse.clone() };
     let mut dem = Dem::new(grains, vec![], materials.to_vec(), coarse)?;
     let rate = 1e4;
     let drag: Vec<f64> = dem.particles.mass.iter().map(|m| rate * m).collect();
@@ -73,8 +73,8 @@ fn compress(count: usize, seed: u64) -> Result<Packed> {
         // No disc moves by more than a tenth of a unit; once all rest, steps of half a unit of time.
         let dt = (0.1 / speed(&dem)).clamp(0.01, 0.5);
         let report = dem.step(dt, &Load { force: &push, drag: &drag, ..Load::default() });
-        // At rest: after twenty steps each disc is where it was. Speeds do not tell: a few discs may swing by 2e-4 about their
-        // places for ever, in steps of 0.5 and of 0.01 alike.
+        // At rest: after twenty steps each disc is where it was. Speeds do not tell: a few discs may swing by 2e-4
+        // about their places for ever, in steps of 0.5 and of 0.01 alike.
         if number > 100 && number % 20 == 0 {
             let pairs = dem.particles.position.iter().zip(&kept);
             let moved = pairs.fold(0.0, |most: f64, (x, old)| most.max((x - old).norm()));

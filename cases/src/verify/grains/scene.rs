@@ -26,7 +26,7 @@ pub fn floor(friction: f64) -> Wall<2> {
 
 /// Contacts solved as well as round-off lets them.
 pub fn precise() -> Settings<2> {
-    Settings { tolerance: 1e-12, max_sweeps: 100_000, ..Settings::default() }
+    Settings { tolerance: 1e-24, max_sweeps: 100_000, ..Settings::default() }
 }
 
 /// One step; an error if its contacts are not solved.

@@ -1,0 +1,537 @@
+//! Corrections of the impulses that act far beyond a grain.
+//!
+//! Sweeps find quickly how a grain hands on what presses on it, and slowly how much presses: in a bed of H rows the
+//! latter takes O(H) of them, accelerated. But a network of impulses in which each grain is nearly in balance stays
+//! so when all impulses of a region are multiplied by a factor that varies slowly in space. So the factors are the
+//! unknowns of a small problem: with theta linear between the nodes k of a grid many grains wide (hat functions
+//! phi_k),
+//!
+//! ```text
+//!     p <- p + sum over k, f of theta_kf phi_k q_f,       q_0 = p,  q_1, q_2, ..  the changes of p in the last runs of sweeps,
+//! ```
+//!
+//! and theta minimises the energy 1/2 |M^-1/2 (H^T p + ..)|^2 + bias p that the impulses of the contacts minimise
+//! without friction (Galerkin). A factor above -1 on p keeps every impulse in the cone of Coulomb's law; what the
+//! other columns add is projected on it. Columns q_1, .. are what sweeps found to be in balance but not yet of the
+//! right size. Corrections of this kind are known from Markov chains (iterative aggregation and disaggregation);
+//! momentum is conserved, because what changes is the impulse of a contact.
+
+use crate::bodies::Bodies;
+use crate::contact::{Contact, Law};
+use crate::solver::{FORK, Problem};
+use crate::space::{Vector, cut, turned};
+use rayon::prelude::*;
+
+/// Columns: the impulses, and their changes in the last runs of sweeps.
+const COLUMNS: usize = 3;
+/// Spacing of the nodes, in mean diameters at least; and nodes along an axis at most.
+const SPACING: f64 = 9.0;
+const fn most_nodes(dimensions: usize) -> f64 {
+    if dimensions == 2 { 32.0 } else { 8.0 }
+}
+/// A grain meets the nodes of 3 cells' edges along an axis; nodes couple to those two beside them.
+const NEAR: usize = 3;
+const COUPLED: usize = 5;
+/// Offsets to the coupled nodes of the same or a higher number.
+const fn offsets(dimensions: usize) -> usize {
+    COUPLED.pow(dimensions as u32) / 2 + 1
+}
+/// Bounds of the factor on p, and of those on its changes.
+const SMALLEST: f64 = -0.8;
+const LARGEST: f64 = 30.0;
+const LARGEST_CHANGE: f64 = 30.0;
+/// Share of its diagonal added to the matrix: columns may be nearly parallel.
+const DAMPING: f64 = 1e-7;
+
+/// The grid, its matrix and the columns; buffers are kept.
+#[derive(Default)]
+pub(crate) struct Coarse<const D: usize> {
+    dims: Vec<usize>,
+    origin: Vec<f64>,
+    inverse: f64,
+    /// Changes of all impulses in the last runs, the newest first.
+    changes: [Vec<Kept<D>>; COLUMNS - 1],
+    /// How many of them there are, and whether the newest still holds the impulses from which it will be measured.
+    known: usize,
+    marked: bool,
+    /// Problems since the last one that had changes.
+    idle: usize,
+    /// Whether the factors belong to the present impulses, and whether to all columns rather than to the impulses alone.
+    fresh: bool,
+    wide: bool,
+    /// First contact of each grain, and the contacts.
+    starts: Vec<u32>,
+    of: Vec<u32>,
+    /// The first holds the sum in the end.
+    parts: Vec<Part>,
+    band: Vec<f64>,
+    /// Factors, node by node, and what each is scaled by while they are sought.
+    theta: Vec<f64>,
+    scales: Vec<f64>,
+}
+
+/// An impulse in few bytes: columns, and impulses to go back to, need not be exact.
+pub(crate) type Kept<const D: usize> = [f32; D];
+
+/// Brings impulses from N s to the middle of the range of single precision: those of grains of a micrometre and of a
+/// metre fit.
+const RANGE: f64 = 1e12;
+
+pub(crate) fn keep<const D: usize>(p: &Vector<D>) -> Kept<D> {
+    std::array::from_fn(|a| (p[a] * RANGE) as f32)
+}
+
+#[inline(always)]
+pub(crate) fn kept<const D: usize>(p: &Kept<D>) -> Vector<D> {
+    Vector::from_fn(|a, _| f64::from(p[a]) / RANGE)
+}
+
+/// What a part of the grains and contacts adds to the matrix and the right-hand side.
+#[derive(Default)]
+struct Part {
+    /// Blocks of COLUMNS x COLUMNS, node by node, for the node itself and the half of those around it with higher numbers.
+    matrix: Vec<f64>,
+    known: Vec<f64>,
+}
+
+/// Problems without corrections after which their room is given back.
+const IDLE: usize = 100;
+
+/// Parts of large problems that are assembled at once; their number does not depend on that of threads, so that the
+/// sums do not.
+const PARTS: usize = 4;
+
+impl<const D: usize> Coarse<D> {
+    /// Forgets the changes: another problem begins. The room for them, and for the impulses before a correction, is
+    /// given back when many problems in a row have done without.
+    pub fn restart(&mut self, uncorrected: &mut Vec<Kept<D>>) {
+        self.idle = if self.known == 0 { self.idle + 1 } else { 0 };
+        if self.idle == IDLE {
+            self.changes = Default::default();
+            *uncorrected = vec![];
+        }
+        (self.known, self.marked) = (0, false);
+    }
+
+    /// Forgets the changes: they are known no more.
+    pub fn forget(&mut self) {
+        (self.known, self.marked) = (0, false);
+    }
+
+    /// Marks the impulses before a run of sweeps.
+    pub fn mark(&mut self, contacts: &[Contact<D>]) {
+        if !self.marked {
+            self.changes.rotate_right(1);
+            self.known = (self.known + 1).min(COLUMNS - 1);
+        }
+        self.marked = true;
+        let newest = &mut self.changes[0];
+        newest.clear();
+        crate::reserve(newest, contacts.len());
+        newest.extend(contacts.iter().map(|c| keep(&c.impulse)));
+    }
+
+    /// Takes what has changed since the mark as the newest column.
+    pub fn keep(&mut self, contacts: &[Contact<D>]) {
+        self.marked = false;
+        self.changes[0]
+            .iter_mut()
+            .zip(contacts)
+            .for_each(|(before, c)| *before = keep(&(c.impulse - kept(before))));
+    }
+}
+
+/// What the impulses of a grain's contacts, weighed by one hat function, give it: momentum, and moment over radius.
+type Push<const D: usize> = (Vector<D>, f64);
+
+/// Cell of a point along each axis and its place in it.
+struct Place<const D: usize> {
+    cell: [usize; D],
+    share: [f64; D],
+}
+
+impl<const D: usize> Coarse<D> {
+    /// Whether grains reach beyond one cell: within it, sweeps need no help.
+    pub fn reach_far(&mut self, place: &[Vector<D>], radius: &[f64]) -> bool {
+        !place.is_empty() && {
+            self.lay_grid(place, radius);
+            self.dims.iter().any(|nodes| *nodes > 2)
+        }
+    }
+
+    /// Finds the factors; returns the energy that they would take away: a lower bound of the energy of the velocity
+    /// error, J.
+    pub fn measure<L: Law>(&mut self, problem: &Problem<D>) -> f64 {
+        if self.known > usize::from(self.marked) {
+            self.find::<L, COLUMNS>(problem)
+        } else {
+            self.find::<L, 1>(problem)
+        }
+    }
+
+    /// Finds the factors of F columns, and the energy that they would take away, J.
+    fn find<L: Law, const F: usize>(&mut self, problem: &Problem<D>) -> f64 {
+        if problem.contacts.is_empty() {
+            return 0.0;
+        }
+        self.wide = F > 1;
+        self.lay_grid(&problem.place, &problem.radius);
+        self.list_contacts(problem);
+        self.assemble::<L, F>(problem);
+        self.fresh = self.solve();
+        if self.fresh { 0.5 * self.gain() } else { 0.0 }
+    }
+
+    /// Forgets the factors: the impulses change.
+    pub fn leave(&mut self) {
+        self.fresh = false;
+    }
+
+    /// Corrects the impulses and the velocities; `free` sets those without contacts.
+    pub fn correct<L: Law>(&mut self, problem: &mut Problem<D>, free: &dyn Fn(&Bodies<D>)) {
+        if !self.fresh {
+            self.measure::<L>(problem);
+        }
+        if std::mem::take(&mut self.fresh) && self.bound() {
+            self.apply::<L>(problem);
+            free(&problem.bodies);
+            problem.apply_impulses();
+        }
+    }
+
+    /// Columns in use.
+    fn columns(&self) -> usize {
+        if self.wide { 1 + self.known - usize::from(self.marked) } else { 1 }
+    }
+
+    /// Columns for which the blocks have room.
+    fn room(&self) -> usize {
+        if self.wide { COLUMNS } else { 1 }
+    }
+
+    fn nodes(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    fn lay_grid(&mut self, place: &[Vector<D>], radius: &[f64]) {
+        let (mut low, mut high) = (place[0], place[0]);
+        let (mut volume, mut largest) = (0.0, 0.0f64);
+        for (x, r) in place.iter().zip(radius) {
+            (low, high) = (low.inf(&x.add_scalar(-r)), high.sup(&x.add_scalar(*r)));
+            volume += r.powi(D as i32);
+            largest = largest.max(*r);
+        }
+        let mean = 2.0 * (volume / radius.len() as f64).powf(1.0 / D as f64);
+        let extent = high - low;
+        // A grain and the gaps around it are narrower than a cell: its contacts lie in two cells along an axis at most.
+        let spacing = (SPACING * mean).max(extent.max() / (most_nodes(D) - 1.0)).max(4.2 * largest);
+        self.inverse = 1.0 / spacing;
+        self.origin.clear();
+        self.origin.extend(low.iter());
+        self.dims.clear();
+        self.dims.extend(extent.iter().map(|e| (e / spacing).ceil().max(1.0) as usize + 1));
+    }
+
+    fn place(&self, x: &Vector<D>) -> Place<D> {
+        let at = |a: usize| (x[a] - self.origin[a]) * self.inverse;
+        let cell = std::array::from_fn(|a| (at(a).max(0.0) as usize).min(self.dims[a] - 2));
+        Place { cell, share: std::array::from_fn(|a| at(a) - cell[a] as f64) }
+    }
+
+    fn node(&self, q: &[usize; D]) -> usize {
+        (0..D).rev().fold(0, |index, a| index * self.dims[a] + q[a])
+    }
+
+    /// Calls `f` with the corners of the cell of a place and the values of their hat functions.
+    fn corners(place: &Place<D>, mut f: impl FnMut([usize; D], f64)) {
+        for corner in 0..1usize << D {
+            let up = |a: usize| corner >> a & 1;
+            let weight =
+                (0..D).map(|a| if up(a) == 1 { place.share[a] } else { 1.0 - place.share[a] }).product();
+            f(std::array::from_fn(|a| place.cell[a] + up(a)), weight);
+        }
+    }
+
+    /// Contacts that press, by grain.
+    fn list_contacts(&mut self, problem: &Problem<D>) {
+        let grains = problem.place.len();
+        self.starts.clear();
+        self.starts.resize(grains + 1, 0);
+        let pressing = || {
+            let contacts = problem.contacts.iter().enumerate();
+            contacts.filter(|(k, c)| problem.pressed(*k, c) > 0.0)
+        };
+        let sides = |c: &Contact<D>| [c.i, c.j].into_iter().filter(move |i| (*i as usize) < grains);
+        for (_, c) in pressing() {
+            sides(c).for_each(|i| self.starts[i as usize] += 1);
+        }
+        let mut sum = 0;
+        for start in &mut self.starts {
+            sum += *start;
+            *start = sum;
+        }
+        self.of.clear();
+        self.of.resize(sum as usize, 0);
+        for (k, c) in pressing() {
+            for i in sides(c) {
+                self.starts[i as usize] -= 1;
+                self.of[self.starts[i as usize] as usize] = k as u32;
+            }
+        }
+    }
+
+    fn column(&self, problem: &Problem<D>, f: usize, contact: usize) -> Vector<D> {
+        self.value(&problem.contacts[contact], f, contact)
+    }
+
+    /// Entry of a column at contact `k`.
+    #[inline(always)]
+    fn value(&self, c: &Contact<D>, f: usize, k: usize) -> Vector<D> {
+        if f == 0 { c.impulse } else { kept(&self.changes[f - 1 + usize::from(self.marked)][k]) }
+    }
+
+    fn assemble<L: Law, const F: usize>(&mut self, problem: &Problem<D>) {
+        let blocks = offsets(D) * F * F;
+        let mut parts = std::mem::take(&mut self.parts);
+        let count = if problem.contacts.len() > 2 * FORK { PARTS } else { 1 };
+        parts.resize_with(count, Part::default);
+        for part in &mut parts {
+            part.matrix.clear();
+            part.matrix.resize(self.nodes() * blocks, 0.0);
+            part.known.clear();
+            part.known.resize(self.nodes() * F, 0.0);
+        }
+        parts.par_iter_mut().enumerate().for_each(|(k, part)| {
+            let range = |all: usize| all * k / count..all * (k + 1) / count;
+            range(problem.contacts.len()).for_each(|k| self.know::<L, F>(problem, k, &mut part.known));
+            let mut pushes = [[(Vector::zeros(), 0.0); F]; NEAR.pow(3)];
+            let pushes = &mut pushes[..NEAR.pow(D as u32)];
+            for slot in range(problem.place.len()) {
+                if problem.bodies.mobility(slot) > 0.0 && self.starts[slot] < self.starts[slot + 1] {
+                    let base = self.gather(problem, slot, pushes);
+                    self.add(problem, slot, &base, pushes, &mut part.matrix);
+                }
+            }
+        });
+        let (first, others) = parts.split_at_mut(1);
+        for part in others {
+            first[0].matrix.iter_mut().zip(&part.matrix).for_each(|(a, b)| *a += b);
+            first[0].known.iter_mut().zip(&part.known).for_each(|(a, b)| *a += b);
+        }
+        self.parts = parts;
+    }
+
+    /// The right-hand side that a contact gives.
+    fn know<L: Law, const F: usize>(&self, problem: &Problem<D>, k: usize, known: &mut [f64]) {
+        let (columns, c) = (self.columns(), &problem.contacts[k]);
+        if problem.pressed(k, c) <= 0.0 {
+            return;
+        }
+        let mut u = problem.relative_at::<L>(c) + c.normal * c.bias;
+        if problem.slides::<L>(k, c) {
+            // What friction takes away is not an error.
+            u = c.normal * u.dot(&c.normal);
+        }
+        let work: [f64; F] =
+            std::array::from_fn(|f| if f < columns { u.dot(&self.column(problem, f, k)) } else { 0.0 });
+        Self::corners(&self.place(&problem.point(c)), |node, weight| {
+            let first = self.node(&node) * F;
+            (0..columns).for_each(|f| known[first + f] -= weight * work[f]);
+        });
+    }
+
+    /// What the contacts of a grain give it, by node and column. Returns the first of its nodes.
+    fn gather<const F: usize>(
+        &self,
+        problem: &Problem<D>,
+        slot: usize,
+        pushes: &mut [[Push<D>; F]],
+    ) -> [usize; D] {
+        let columns = self.columns();
+        let base = self.place(&problem.place[slot].add_scalar(-2.0 * problem.radius[slot])).cell;
+        pushes.fill([(Vector::zeros(), 0.0); F]);
+        for &k in &self.of[self.starts[slot] as usize..self.starts[slot + 1] as usize] {
+            let c = &problem.contacts[k as usize];
+            let sign = if c.i as usize == slot { -1.0 } else { 1.0 };
+            let along = turned(&c.normal);
+            let values: [Vector<D>; F] = std::array::from_fn(|f| {
+                if f < columns { self.column(problem, f, k as usize) } else { Vector::zeros() }
+            });
+            Self::corners(&self.place(&problem.point(c)), |node, weight| {
+                let near = (0..D)
+                    .rev()
+                    .fold(0, |index, a| index * NEAR + node[a].saturating_sub(base[a]).min(NEAR - 1));
+                for f in 0..columns {
+                    pushes[near][f].0 += values[f] * (sign * weight);
+                    pushes[near][f].1 -= along.dot(&values[f]) * weight;
+                }
+            });
+        }
+        base
+    }
+
+    /// Adds the energies of pairs of pushes of one grain.
+    fn add<const F: usize>(
+        &self,
+        problem: &Problem<D>,
+        slot: usize,
+        base: &[usize; D],
+        pushes: &[[Push<D>; F]],
+        matrix: &mut [f64],
+    ) {
+        let (columns, bodies) = (self.columns(), &problem.bodies);
+        let (mobility, spin) =
+            (bodies.mobility(slot), if bodies.spins() { bodies.spin_mobility(slot) } else { 0.0 });
+        let zero = |node: &[Push<D>; F]| node.iter().all(|(p, m)| *m == 0.0 && p.iter().all(|x| *x == 0.0));
+        // Nodes that something is pushed at: where in `pushes`, their numbers, and their places in a cube of coupled nodes.
+        let mut live = [(0, 0, 0); NEAR.pow(3)];
+        let mut count = 0;
+        for (near, _) in pushes.iter().enumerate().filter(|(_, push)| !zero(push)) {
+            let digits: [usize; D] = std::array::from_fn(|a| near / NEAR.pow(a as u32) % NEAR);
+            let node = self.node(&std::array::from_fn(|a| base[a] + digits[a]));
+            let place = (0..D).rev().fold(0, |index, a| index * COUPLED + digits[a]);
+            live[count] = (near, node, place);
+            count += 1;
+        }
+        for (k, &(a, node, from)) in live[..count].iter().enumerate() {
+            for &(b, _, to) in &live[k..count] {
+                let block = &mut matrix[(node * offsets(D) + to - from) * F * F..][..F * F];
+                for f in 0..columns {
+                    for g in 0..columns {
+                        let (p, q) = (&pushes[a][f], &pushes[b][g]);
+                        block[f * F + g] += mobility * p.0.dot(&q.0) + spin * p.1 * q.1;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Entry of the matrix: column f of a node with column g of that at an offset.
+    #[inline(always)]
+    fn entry(&self, node: usize, offset: usize, f: usize, g: usize) -> f64 {
+        let room = self.room();
+        self.parts[0].matrix[((node * offsets(D) + offset) * room + f) * room + g]
+    }
+
+    /// Right-hand side of an unknown.
+    fn known(&self, k: usize) -> f64 {
+        let columns = self.columns();
+        self.parts[0].known[k / columns * self.room() + k % columns]
+    }
+
+    fn stride(&self, axis: usize) -> usize {
+        self.dims[..axis].iter().product()
+    }
+
+    /// The node at an offset from another (wraps where there is none: its entries are zero).
+    fn other(&self, node: usize, offset: usize) -> usize {
+        let digit = |a: usize| (offset + offsets(D) - 1) / COUPLED.pow(a as u32) % COUPLED;
+        let half = COUPLED as isize / 2;
+        let shift: isize = (0..D).map(|a| (digit(a) as isize - half) * self.stride(a) as isize).sum();
+        node.wrapping_add_signed(shift)
+    }
+
+    /// Factors of all nodes and columns. Returns whether there are any.
+    fn solve(&mut self) -> bool {
+        let (columns, nodes) = (self.columns(), self.nodes());
+        let reach: usize = (0..D).map(|a| COUPLED / 2 * self.stride(a)).sum();
+        let (size, width) = (nodes * columns, (reach + 1) * columns - 1);
+        let mut scales = std::mem::take(&mut self.scales);
+        let scale = |k: usize| {
+            let diagonal = self.entry(k / columns, 0, k % columns, k % columns);
+            diagonal.max(f64::MIN_POSITIVE).sqrt().recip()
+        };
+        scales.clear();
+        scales.extend((0..size).map(scale));
+        let scale = &scales;
+        let (mut band, mut theta) = (std::mem::take(&mut self.band), std::mem::take(&mut self.theta));
+        band.clear();
+        band.resize(size * (width + 1), 0.0);
+        for node in 0..nodes {
+            for offset in 0..offsets(D) {
+                let other = self.other(node, offset);
+                for (f, g) in (0..columns * columns).map(|k| (k / columns, k % columns)) {
+                    let value = self.entry(node, offset, f, g);
+                    let (row, column) = (other.wrapping_mul(columns) + g, node * columns + f);
+                    if value != 0.0 && row >= column {
+                        band[row * (width + 1) + column + width - row] = value * scale[row] * scale[column];
+                    }
+                }
+            }
+        }
+        for row in 0..size {
+            let diagonal = &mut band[row * (width + 1) + width];
+            *diagonal = if *diagonal > 0.0 { 1.0 + DAMPING } else { 1.0 };
+        }
+        theta.clear();
+        theta.extend((0..size).map(|k| self.known(k) * scale[k]));
+        let solved = crate::band::solve(&mut band, width, &mut theta);
+        theta.iter_mut().zip(scale).for_each(|(theta, scale)| *theta *= scale);
+        (self.band, self.theta, self.scales) = (band, theta, scales);
+        solved
+    }
+
+    /// Work of the present velocities on the change of the impulses, J.
+    fn gain(&self) -> f64 {
+        self.theta.iter().enumerate().map(|(k, theta)| theta * self.known(k)).sum()
+    }
+
+    /// Keeps the factors within bounds, and takes the best share of what they leave of the step. Returns whether
+    /// anything is gained.
+    fn bound(&mut self) -> bool {
+        let columns = self.columns();
+        for (k, theta) in self.theta.iter_mut().enumerate() {
+            let bounds =
+                if k % columns == 0 { (SMALLEST, LARGEST) } else { (-LARGEST_CHANGE, LARGEST_CHANGE) };
+            *theta = theta.clamp(bounds.0, bounds.1);
+        }
+        let (gain, mut cost) = (self.gain(), 0.0);
+        for node in 0..self.nodes() {
+            for offset in 0..offsets(D) {
+                let twice = if offset == 0 { 1.0 } else { 2.0 };
+                for (f, g) in (0..columns * columns).map(|k| (k / columns, k % columns)) {
+                    let value = self.entry(node, offset, f, g);
+                    if value != 0.0 {
+                        let other = self.theta[self.other(node, offset) * columns + g];
+                        cost += twice * value * self.theta[node * columns + f] * other;
+                    }
+                }
+            }
+        }
+        if !(gain > 0.0 && cost > 0.0) {
+            return false;
+        }
+        let share = (gain / cost).min(1.0);
+        self.theta.iter_mut().for_each(|theta| *theta *= share);
+        true
+    }
+
+    fn apply<L: Law>(&self, problem: &mut Problem<D>) {
+        let (columns, theta) = (self.columns(), &self.theta);
+        let mut contacts = std::mem::take(&mut problem.contacts);
+        let correct = |(k, c): (usize, &mut Contact<D>)| {
+            if problem.pressed(k, c) <= 0.0 {
+                return;
+            }
+            let mut factors = [0.0; COLUMNS];
+            Self::corners(&self.place(&problem.point(c)), |node, weight| {
+                let first = self.node(&node) * columns;
+                (0..columns).for_each(|f| factors[f] += weight * theta[first + f]);
+            });
+            let change: Vector<D> = (0..columns).map(|f| self.value(c, f, k) * factors[f]).sum();
+            let cohesion = if L::COHESION { problem.cohesion[k] } else { 0.0 };
+            let p = c.impulse + change;
+            let normal = p.dot(&c.normal).max(-cohesion);
+            let tangential = p - c.normal * p.dot(&c.normal);
+            c.impulse = c.normal * normal;
+            if L::FRICTION {
+                c.impulse += cut(&c.normal, tangential, c.friction * (normal + cohesion));
+            }
+        };
+        contacts.par_iter_mut().with_min_len(FORK).enumerate().for_each(correct);
+        problem.contacts = contacts;
+    }
+}
+
+#[cfg(test)]
+mod tests;

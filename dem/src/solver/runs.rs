@@ -1,0 +1,222 @@
+//! Runs of sweeps, the measure of what they leave, and corrections over long distances in between.
+//!
+//! **The measure.** With the impulses p the velocities are v = v_free + M^-1 H^T p and the closing speeds s = H v +
+//! bias. Where the contacts that act are known and hold, the error of the velocities has the energy
+//!
+//! ```text
+//!     E = 1/2 |v - v*|_M^2 = 1/2 s^T W^-1 s = max over q of (-s^T q - 1/2 q^T W q),        W = H M^-1 H^T.
+//! ```
+//!
+//! s alone says little of E: a bed of N rows that falls as a whole has closing speeds of 1/N of its speed, and W^-1
+//! magnifies them by N. But every q that leaves the impulses within Coulomb's law gives a lower bound.
+//! [`Coarse`](crate::coarse::Coarse) maximises over the q that are the impulses, and what sweeps have changed of
+//! them, times factors that vary slowly in space: they find all of E on a stack, and a tenth to a half of it in
+//! random beds, where the shape of the impulses must change too. What varies from grain to grain, which they do not
+//! see, is the natural map r: sum of r^2 / (2 rho).
+//!
+//! Near the solution only the impulses themselves are used. The changes that sweeps still make there lead out of Coulomb's
+//! law where friction is at its limit, and would claim an error that is none.
+
+use super::{Grains, Look, Outcome, Problem, Stopping};
+use crate::coarse::{keep, kept};
+use crate::contact::Law;
+use crate::momentum::Momentum;
+
+/// Sweeps of the first runs, and of all later ones: a warm start may need none. A measure with its correction costs
+/// about as much as ten.
+const RUNS: [usize; 4] = [0, 8, 16, 30];
+
+/// Energy of smooth errors over what corrections over long distances would take away of it: 1 on stacks, 2 to 10 in
+/// random beds.
+const UNSEEN: f64 = 4.0;
+/// The energy of the error is at most the sum of |violation| |p - p*| over the contacts. Impulses from a cold start
+/// are too small for |p - p*| < |p|; this times |p| bounds it from early on.
+const BOUND: f64 = 10.0;
+/// Contacts relaxed in the time of a measure of smooth errors.
+const MEASURE: usize = 6;
+
+/// Share of the energy that the contacts have to do with below which changes of the velocities count as rest: what
+/// forces give to grains at rest is taken back by contacts nearly in whole.
+const REST: f64 = 1e-2;
+/// The same for what the solver tries to reach once it has solved a problem: errors that are small beside the forces
+/// would let a bed creep for ever.
+const SETTLED: f64 = 1e-5;
+/// Share of its error that a solved problem has left after the sweeps for settling if it is smooth: a correction follows.
+const SMOOTH: f64 = 0.5;
+
+/// Growth of the error after a correction, beyond all that the contacts have to do with, after which none is made.
+const DIVERGED: f64 = 30.0;
+/// Share of the error that is left after a correction and its run of sweeps, above which the next one waits twice as
+/// long, and the longest pause in runs: what is left then are errors that corrections do not see, and they would
+/// interrupt the momentum of the sweeps that do.
+const HELPED: f64 = 0.9;
+/// Error above which no correction waits: the measure still grows with the impulses.
+const GROWING: f64 = 1e-2;
+/// Error above which the changes of the impulses belong to the measure and the corrections.
+const NEAR: f64 = 1e-6;
+const LONGEST_PAUSE: usize = 64;
+
+/// When impulses are corrected over long distances.
+struct Corrections {
+    allowed: bool,
+    /// The run after which the next one is due, and the runs between two.
+    next: usize,
+    pause: usize,
+    /// Error before the last one; infinite before the first and after one that was taken back.
+    before: f64,
+    /// Whether the last run began with one.
+    made: bool,
+}
+
+impl Corrections {
+    fn due(&self, run: usize) -> bool {
+        self.allowed && run >= self.next
+    }
+
+    /// Sets the pause by what the last one has done.
+    fn learn(&mut self, run: usize, error: f64) {
+        if std::mem::take(&mut self.made) {
+            let helped = error > GROWING || error <= HELPED * self.before;
+            self.pause = if helped { self.pause.div_ceil(2) } else { (2 * self.pause).min(LONGEST_PAUSE) };
+            self.next = run + self.pause - 1;
+        }
+    }
+}
+
+impl<const D: usize> Problem<D> {
+    /// Runs of sweeps until the problem is solved and has settled, or the sweeps are used up.
+    pub(super) fn sweeps<L: Law>(&mut self, stopping: &Stopping, grains: &Grains<D>) -> Outcome {
+        self.bounds.clear();
+        self.coarse.restart(&mut self.uncorrected);
+        let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > super::STRONG);
+        let mut pace = self.start_momentum(stopping.momentum);
+        let mut corrections = Corrections {
+            allowed: stopping.short_runs.is_some() && self.coarse.reach_far(&self.place, &self.radius),
+            next: stopping.short_runs.unwrap_or(0),
+            pause: 1,
+            before: f64::INFINITY,
+            made: false,
+        };
+        let mut outcome = Outcome::default();
+        // Sweeps and error when the problem was solved first.
+        let mut solved = None;
+        for run in 0.. {
+            let count = RUNS[run.min(RUNS.len() - 1)].min(stopping.max_sweeps - outcome.sweeps);
+            let due = corrections.due(run);
+            let far = due && (run == 0 || outcome.error > NEAR);
+            self.run::<L>(outcome.sweeps..outcome.sweeps + count, strong, far, &mut pace);
+            let last = outcome.sweeps + count == stopping.max_sweeps;
+            let judged = self.judge::<L>(stopping, grains, due || corrections.made || last);
+            let work = outcome.work + count * self.contacts.len() + judged.work;
+            outcome = Outcome { sweeps: outcome.sweeps + count, work, ..judged };
+            corrections.learn(run, outcome.error);
+            let mut correct = corrections.due(run);
+            if outcome.solved(stopping) {
+                let (sweeps, error) = *solved.get_or_insert((outcome.sweeps, outcome.error));
+                let enough = outcome.sweeps >= sweeps + stopping.settling_sweeps;
+                let smooth = outcome.error > SMOOTH * error;
+                if outcome.settled(stopping) || enough && !(corrections.allowed && smooth) {
+                    break;
+                }
+                correct = enough;
+            }
+            if last {
+                break;
+            }
+            let most = if solved.is_some() { 1.0 } else { DIVERGED / corrections.before.min(1.0) };
+            if outcome.error > most * corrections.before {
+                // Where walls leave no room there is no solution, and a correction only adds stress.
+                (corrections.allowed, corrections.before) = (false, f64::INFINITY);
+                self.take_back(grains);
+                pace = self.start_momentum(stopping.momentum);
+            } else if correct {
+                (corrections.before, corrections.made) = (outcome.error, true);
+                // A solved problem is corrected once.
+                corrections.allowed = solved.is_none();
+                self.correct::<L>(grains);
+                pace = self.start_momentum(stopping.momentum);
+            }
+        }
+        outcome
+    }
+
+    /// A run of sweeps; what it changes is a column of the correction if one is due.
+    fn run<L: Law>(
+        &mut self,
+        sweeps: std::ops::Range<usize>,
+        strong: bool,
+        due: bool,
+        pace: &mut Option<Momentum>,
+    ) {
+        self.coarse.leave();
+        if !due {
+            self.coarse.forget();
+        } else {
+            self.coarse.mark(&self.contacts);
+        }
+        let any = !sweeps.is_empty();
+        for sweep in sweeps {
+            if strong && sweep >= super::LAGGING {
+                self.follow_bounds();
+            }
+            self.paced_sweep::<L>(pace);
+        }
+        if due && any {
+            self.coarse.keep(&self.contacts);
+        }
+    }
+
+    fn correct<L: Law>(&mut self, grains: &Grains<D>) {
+        self.uncorrected.clear();
+        crate::reserve(&mut self.uncorrected, self.contacts.len());
+        self.uncorrected.extend(self.contacts.iter().map(|c| keep(&c.impulse)));
+        let mut coarse = std::mem::take(&mut self.coarse);
+        coarse.correct::<L>(self, grains.free);
+        self.coarse = coarse;
+    }
+
+    /// Back to the impulses before the last correction.
+    fn take_back(&mut self, grains: &Grains<D>) {
+        self.contacts.iter_mut().zip(&self.uncorrected).for_each(|(c, p)| c.impulse = kept(p));
+        (grains.free)(&self.bodies);
+        self.apply_impulses();
+    }
+
+    /// How far the problem is from its solution; what is smooth of the error only if it matters or `all` is wanted.
+    pub(super) fn judge<L: Law>(&mut self, stopping: &Stopping, grains: &Grains<D>, all: bool) -> Outcome {
+        let scale = (0.5 * (stopping.forced + (grains.pushed)(&self.bodies))).max(stopping.floor);
+        let look: Look = self.look::<L>();
+        let changed = (grains.changed)(&self.bodies) / scale;
+        let reach = |rest: f64| stopping.tolerance * scale * changed.max(rest);
+        let (enough, most) = (reach(REST), look.rough + BOUND * look.bound);
+        let (mut energy, mut work) = (most, self.contacts.len());
+        if all || look.rough <= enough && most > reach(SETTLED) {
+            let mut coarse = std::mem::take(&mut self.coarse);
+            energy = look.rough + UNSEEN * coarse.measure::<L>(self);
+            self.coarse = coarse;
+            work += MEASURE * self.contacts.len();
+        } else if look.rough > enough {
+            energy = look.rough;
+        }
+        let error = match (energy + look.rough + look.bound + scale).is_finite() {
+            true if energy <= stopping.negligible.max(look.rounding) => 0.0,
+            true => energy / scale,
+            // Impulses have left the range of numbers.
+            false => f64::INFINITY,
+        };
+        let closing = look.closing / stopping.closing;
+        Outcome { error, changed, residual: look.residual, closing, work, ..Outcome::default() }
+    }
+}
+
+impl Outcome {
+    /// Energy of the velocity error over that of the changes of the velocities, which count as no less than rest.
+    pub fn share(&self) -> f64 {
+        self.error / self.changed.max(REST)
+    }
+
+    /// Whether the error is small beside what the grains do, or beside what forces would do to them if that is far more.
+    fn settled(&self, stopping: &Stopping) -> bool {
+        self.solved(stopping) && self.error <= stopping.tolerance * self.changed.max(SETTLED)
+    }
+}
