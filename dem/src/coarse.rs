@@ -20,41 +20,29 @@ use crate::bodies::Bodies;
 use crate::contact::{Contact, Law};
 use crate::solver::{FORK, Problem};
 use crate::space::{Vector, cut, turned};
+use nodes::{COUPLED, NEAR, Nodes, offsets};
 use rayon::prelude::*;
+
+mod nodes;
 
 /// Columns: the impulses, and their changes in the last runs of sweeps.
 const COLUMNS: usize = 3;
-/// Spacing of the nodes, in mean diameters at least; and nodes along an axis at most.
-const SPACING: f64 = 9.0;
-const fn most_nodes(dimensions: usize) -> f64 {
-    if dimensions == 2 { 32.0 } else { 8.0 }
-}
-/// A grain meets the nodes of 3 cells' edges along an axis; nodes couple to those two beside them.
-const NEAR: usize = 3;
-const COUPLED: usize = 5;
-/// Offsets to the coupled nodes of the same or a higher number.
-const fn offsets(dimensions: usize) -> usize {
-    COUPLED.pow(dimensions as u32) / 2 + 1
-}
-/// Bounds of the factor on p, and of those on its changes.
-const SMALLEST: f64 = -0.8;
+/// Largest factor of a column, either way; and the smallest on p.
 const LARGEST: f64 = 30.0;
-const LARGEST_CHANGE: f64 = 30.0;
+const SMALLEST: f64 = -0.8;
 /// Share of its diagonal added to the matrix: columns may be nearly parallel.
 const DAMPING: f64 = 1e-7;
 
-/// The grid, its matrix and the columns; buffers are kept.
+/// The nodes, their matrix and the columns; buffers are kept.
 #[derive(Default)]
 pub(crate) struct Coarse<const D: usize> {
-    dims: Vec<usize>,
-    origin: Vec<f64>,
-    inverse: f64,
+    nodes: Nodes<D>,
     /// Changes of all impulses in the last runs, the newest first.
     changes: [Vec<Kept<D>>; COLUMNS - 1],
     /// How many of them there are, and whether the newest still holds the impulses from which it will be measured.
     known: usize,
     marked: bool,
-    /// Problems since the last one that had changes.
+    /// Problems since the last one that was corrected.
     idle: usize,
     /// Whether the factors belong to the present impulses, and whether to all columns rather than to the impulses alone.
     fresh: bool,
@@ -89,7 +77,8 @@ pub(crate) fn kept<const D: usize>(p: &Kept<D>) -> Vector<D> {
 /// What a part of the grains and contacts adds to the matrix and the right-hand side.
 #[derive(Default)]
 struct Part {
-    /// Blocks of COLUMNS x COLUMNS, node by node, for the node itself and the half of those around it with higher numbers.
+    /// Blocks with a row and a column for each column in use, node by node, for the node itself and the half of those
+    /// around it with higher numbers.
     matrix: Vec<f64>,
     known: Vec<f64>,
 }
@@ -102,15 +91,16 @@ const IDLE: usize = 100;
 const PARTS: usize = 4;
 
 impl<const D: usize> Coarse<D> {
-    /// Forgets the changes: another problem begins. The room for them, and for the impulses before a correction, is
-    /// given back when many problems in a row have done without.
-    pub fn restart(&mut self, uncorrected: &mut Vec<Kept<D>>) {
-        self.idle = if self.known == 0 { self.idle + 1 } else { 0 };
+    /// Lays the nodes of another problem and forgets the changes. The room for them, and for the impulses before a
+    /// correction, is given back when many problems in a row have done without.
+    pub fn restart(&mut self, place: &[Vector<D>], radius: &[f64], uncorrected: &mut Vec<Kept<D>>) {
+        self.idle += 1;
         if self.idle == IDLE {
             self.changes = Default::default();
             *uncorrected = vec![];
         }
-        (self.known, self.marked) = (0, false);
+        self.forget();
+        self.nodes.lay(place, radius);
     }
 
     /// Forgets the changes: they are known no more.
@@ -125,6 +115,7 @@ impl<const D: usize> Coarse<D> {
             self.known = (self.known + 1).min(COLUMNS - 1);
         }
         self.marked = true;
+        self.idle = 0;
         let newest = &mut self.changes[0];
         newest.clear();
         crate::reserve(newest, contacts.len());
@@ -144,19 +135,10 @@ impl<const D: usize> Coarse<D> {
 /// What the impulses of a grain's contacts, weighed by one hat function, give it: momentum, and moment over radius.
 type Push<const D: usize> = (Vector<D>, f64);
 
-/// Cell of a point along each axis and its place in it.
-struct Place<const D: usize> {
-    cell: [usize; D],
-    share: [f64; D],
-}
-
 impl<const D: usize> Coarse<D> {
     /// Whether grains reach beyond one cell: within it, sweeps need no help.
-    pub fn reach_far(&mut self, place: &[Vector<D>], radius: &[f64]) -> bool {
-        !place.is_empty() && {
-            self.lay_grid(place, radius);
-            self.dims.iter().any(|nodes| *nodes > 2)
-        }
+    pub fn reach_far(&self) -> bool {
+        self.nodes.reach_far()
     }
 
     /// Finds the factors; returns the energy that they would take away: a lower bound of the energy of the velocity
@@ -175,7 +157,6 @@ impl<const D: usize> Coarse<D> {
             return 0.0;
         }
         self.wide = F > 1;
-        self.lay_grid(&problem.place, &problem.radius);
         self.list_contacts(problem);
         self.assemble::<L, F>(problem);
         self.fresh = self.solve();
@@ -189,6 +170,7 @@ impl<const D: usize> Coarse<D> {
 
     /// Corrects the impulses and the velocities; `free` sets those without contacts.
     pub fn correct<L: Law>(&mut self, problem: &mut Problem<D>, free: &dyn Fn(&Bodies<D>)) {
+        self.idle = 0;
         if !self.fresh {
             self.measure::<L>(problem);
         }
@@ -207,49 +189,6 @@ impl<const D: usize> Coarse<D> {
     /// Columns for which the blocks have room.
     fn room(&self) -> usize {
         if self.wide { COLUMNS } else { 1 }
-    }
-
-    fn nodes(&self) -> usize {
-        self.dims.iter().product()
-    }
-
-    fn lay_grid(&mut self, place: &[Vector<D>], radius: &[f64]) {
-        let (mut low, mut high) = (place[0], place[0]);
-        let (mut volume, mut largest) = (0.0, 0.0f64);
-        for (x, r) in place.iter().zip(radius) {
-            (low, high) = (low.inf(&x.add_scalar(-r)), high.sup(&x.add_scalar(*r)));
-            volume += r.powi(D as i32);
-            largest = largest.max(*r);
-        }
-        let mean = 2.0 * (volume / radius.len() as f64).powf(1.0 / D as f64);
-        let extent = high - low;
-        // A grain and the gaps around it are narrower than a cell: its contacts lie in two cells along an axis at most.
-        let spacing = (SPACING * mean).max(extent.max() / (most_nodes(D) - 1.0)).max(4.2 * largest);
-        self.inverse = 1.0 / spacing;
-        self.origin.clear();
-        self.origin.extend(low.iter());
-        self.dims.clear();
-        self.dims.extend(extent.iter().map(|e| (e / spacing).ceil().max(1.0) as usize + 1));
-    }
-
-    fn place(&self, x: &Vector<D>) -> Place<D> {
-        let at = |a: usize| (x[a] - self.origin[a]) * self.inverse;
-        let cell = std::array::from_fn(|a| (at(a).max(0.0) as usize).min(self.dims[a] - 2));
-        Place { cell, share: std::array::from_fn(|a| at(a) - cell[a] as f64) }
-    }
-
-    fn node(&self, q: &[usize; D]) -> usize {
-        (0..D).rev().fold(0, |index, a| index * self.dims[a] + q[a])
-    }
-
-    /// Calls `f` with the corners of the cell of a place and the values of their hat functions.
-    fn corners(place: &Place<D>, mut f: impl FnMut([usize; D], f64)) {
-        for corner in 0..1usize << D {
-            let up = |a: usize| corner >> a & 1;
-            let weight =
-                (0..D).map(|a| if up(a) == 1 { place.share[a] } else { 1.0 - place.share[a] }).product();
-            f(std::array::from_fn(|a| place.cell[a] + up(a)), weight);
-        }
     }
 
     /// Contacts that press, by grain.
@@ -280,10 +219,6 @@ impl<const D: usize> Coarse<D> {
         }
     }
 
-    fn column(&self, problem: &Problem<D>, f: usize, contact: usize) -> Vector<D> {
-        self.value(&problem.contacts[contact], f, contact)
-    }
-
     /// Entry of a column at contact `k`.
     #[inline(always)]
     fn value(&self, c: &Contact<D>, f: usize, k: usize) -> Vector<D> {
@@ -291,15 +226,15 @@ impl<const D: usize> Coarse<D> {
     }
 
     fn assemble<L: Law, const F: usize>(&mut self, problem: &Problem<D>) {
-        let blocks = offsets(D) * F * F;
+        let (nodes, blocks) = (self.nodes.count(), offsets(D) * F * F);
         let mut parts = std::mem::take(&mut self.parts);
         let count = if problem.contacts.len() > 2 * FORK { PARTS } else { 1 };
         parts.resize_with(count, Part::default);
         for part in &mut parts {
             part.matrix.clear();
-            part.matrix.resize(self.nodes() * blocks, 0.0);
+            part.matrix.resize(nodes * blocks, 0.0);
             part.known.clear();
-            part.known.resize(self.nodes() * F, 0.0);
+            part.known.resize(nodes * F, 0.0);
         }
         parts.par_iter_mut().enumerate().for_each(|(k, part)| {
             let range = |all: usize| all * k / count..all * (k + 1) / count;
@@ -333,9 +268,9 @@ impl<const D: usize> Coarse<D> {
             u = c.normal * u.dot(&c.normal);
         }
         let work: [f64; F] =
-            std::array::from_fn(|f| if f < columns { u.dot(&self.column(problem, f, k)) } else { 0.0 });
-        Self::corners(&self.place(&problem.point(c)), |node, weight| {
-            let first = self.node(&node) * F;
+            std::array::from_fn(|f| if f < columns { u.dot(&self.value(c, f, k)) } else { 0.0 });
+        self.nodes.around(&problem.point(c), |node, weight| {
+            let first = self.nodes.number(&node) * F;
             (0..columns).for_each(|f| known[first + f] -= weight * work[f]);
         });
     }
@@ -348,16 +283,19 @@ impl<const D: usize> Coarse<D> {
         pushes: &mut [[Push<D>; F]],
     ) -> [usize; D] {
         let columns = self.columns();
-        let base = self.place(&problem.place[slot].add_scalar(-2.0 * problem.radius[slot])).cell;
+        let base = self.nodes.cell(&problem.place[slot].add_scalar(-2.0 * problem.radius[slot]));
         pushes.fill([(Vector::zeros(), 0.0); F]);
         for &k in &self.of[self.starts[slot] as usize..self.starts[slot + 1] as usize] {
             let c = &problem.contacts[k as usize];
             let sign = if c.i as usize == slot { -1.0 } else { 1.0 };
             let along = turned(&c.normal);
-            let values: [Vector<D>; F] = std::array::from_fn(|f| {
-                if f < columns { self.column(problem, f, k as usize) } else { Vector::zeros() }
-            });
-            Self::corners(&self.place(&problem.point(c)), |node, weight| {
+            let values: [Vector<D>; F] =
+                std::array::from_fn(
+                    |f| {
+                        if f < columns { self.value(c, f, k as usize) } else { Vector::zeros() }
+                    },
+                );
+            self.nodes.around(&problem.point(c), |node, weight| {
                 let near = (0..D)
                     .rev()
                     .fold(0, |index, a| index * NEAR + node[a].saturating_sub(base[a]).min(NEAR - 1));
@@ -388,7 +326,7 @@ impl<const D: usize> Coarse<D> {
         let mut count = 0;
         for (near, _) in pushes.iter().enumerate().filter(|(_, push)| !zero(push)) {
             let digits: [usize; D] = std::array::from_fn(|a| near / NEAR.pow(a as u32) % NEAR);
-            let node = self.node(&std::array::from_fn(|a| base[a] + digits[a]));
+            let node = self.nodes.number(&std::array::from_fn(|a| base[a] + digits[a]));
             let place = (0..D).rev().fold(0, |index, a| index * COUPLED + digits[a]);
             live[count] = (near, node, place);
             count += 1;
@@ -419,23 +357,10 @@ impl<const D: usize> Coarse<D> {
         self.parts[0].known[k / columns * self.room() + k % columns]
     }
 
-    fn stride(&self, axis: usize) -> usize {
-        self.dims[..axis].iter().product()
-    }
-
-    /// The node at an offset from another (wraps where there is none: its entries are zero).
-    fn other(&self, node: usize, offset: usize) -> usize {
-        let digit = |a: usize| (offset + offsets(D) - 1) / COUPLED.pow(a as u32) % COUPLED;
-        let half = COUPLED as isize / 2;
-        let shift: isize = (0..D).map(|a| (digit(a) as isize - half) * self.stride(a) as isize).sum();
-        node.wrapping_add_signed(shift)
-    }
-
     /// Factors of all nodes and columns. Returns whether there are any.
     fn solve(&mut self) -> bool {
-        let (columns, nodes) = (self.columns(), self.nodes());
-        let reach: usize = (0..D).map(|a| COUPLED / 2 * self.stride(a)).sum();
-        let (size, width) = (nodes * columns, (reach + 1) * columns - 1);
+        let (columns, nodes) = (self.columns(), self.nodes.count());
+        let (size, width) = (nodes * columns, (self.nodes.reach() + 1) * columns - 1);
         let mut scales = std::mem::take(&mut self.scales);
         let scale = |k: usize| {
             let diagonal = self.entry(k / columns, 0, k % columns, k % columns);
@@ -449,7 +374,7 @@ impl<const D: usize> Coarse<D> {
         band.resize(size * (width + 1), 0.0);
         for node in 0..nodes {
             for offset in 0..offsets(D) {
-                let other = self.other(node, offset);
+                let other = self.nodes.other(node, offset);
                 for (f, g) in (0..columns * columns).map(|k| (k / columns, k % columns)) {
                     let value = self.entry(node, offset, f, g);
                     let (row, column) = (other.wrapping_mul(columns) + g, node * columns + f);
@@ -481,18 +406,16 @@ impl<const D: usize> Coarse<D> {
     fn bound(&mut self) -> bool {
         let columns = self.columns();
         for (k, theta) in self.theta.iter_mut().enumerate() {
-            let bounds =
-                if k % columns == 0 { (SMALLEST, LARGEST) } else { (-LARGEST_CHANGE, LARGEST_CHANGE) };
-            *theta = theta.clamp(bounds.0, bounds.1);
+            *theta = theta.clamp(if k % columns == 0 { SMALLEST } else { -LARGEST }, LARGEST);
         }
         let (gain, mut cost) = (self.gain(), 0.0);
-        for node in 0..self.nodes() {
+        for node in 0..self.nodes.count() {
             for offset in 0..offsets(D) {
                 let twice = if offset == 0 { 1.0 } else { 2.0 };
                 for (f, g) in (0..columns * columns).map(|k| (k / columns, k % columns)) {
                     let value = self.entry(node, offset, f, g);
                     if value != 0.0 {
-                        let other = self.theta[self.other(node, offset) * columns + g];
+                        let other = self.theta[self.nodes.other(node, offset) * columns + g];
                         cost += twice * value * self.theta[node * columns + f] * other;
                     }
                 }
@@ -514,8 +437,8 @@ impl<const D: usize> Coarse<D> {
                 return;
             }
             let mut factors = [0.0; COLUMNS];
-            Self::corners(&self.place(&problem.point(c)), |node, weight| {
-                let first = self.node(&node) * columns;
+            self.nodes.around(&problem.point(c), |node, weight| {
+                let first = self.nodes.number(&node) * columns;
                 (0..columns).for_each(|f| factors[f] += weight * theta[first + f]);
             });
             let change: Vector<D> = (0..columns).map(|f| self.value(c, f, k) * factors[f]).sum();

@@ -7,7 +7,7 @@ use crate::mark::Mark;
 use crate::memory::{Memory, WALL};
 use crate::parallel;
 use crate::penetration::Moved;
-use crate::repair::repair;
+use crate::repair;
 use crate::scene::Scene;
 use crate::search::Search;
 use crate::solver::Problem;
@@ -242,7 +242,10 @@ impl<const D: usize> Dem<D> {
         let scene = self.scene(h, load);
         scene.set_free(&search.grid.order, &problem.bodies);
         problem.apply_impulses();
-        let (repair, outcome) = repair(&mut problem, &scene, &search.grid.order, &self.stopping(h, load));
+        let (repair, outcome) = match repair::needed(&problem) {
+            true => repair::repair(&mut problem, &scene, &search.grid.order, &self.stopping(h, load)),
+            false => Default::default(),
+        };
         report.sweeps += outcome.sweeps;
         report.work += outcome.work;
         for (slot, &i) in search.grid.order.iter().enumerate() {

@@ -18,8 +18,8 @@ pub(crate) fn largest(range: Range<usize>, f: &(impl Fn(usize) -> f64 + Sync)) -
 
 /// Calls `f` with every item and its number, the first of which is given.
 pub(crate) fn each<T: Send>(items: &mut [T], first: usize, f: &(impl Fn(usize, &mut T) + Sync)) {
-    if let [item] = items {
-        return f(first, item);
+    if items.len() <= 1 {
+        return items.iter_mut().for_each(|item| f(first, item));
     }
     let middle = items.len() / 2;
     let (left, right) = items.split_at_mut(middle);

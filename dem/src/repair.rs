@@ -21,17 +21,19 @@ const REPAIR_SWEEPS: usize = 100;
 const DEEP: f64 = 2e-3;
 pub(crate) const LEFT: f64 = 5e-4;
 
-/// Velocities that take overlaps back, beside those of the bodies, m/s by slot; none while all overlaps are shallow.
-/// The problem is left as it was.
+/// Whether there are deep overlaps.
+pub(crate) fn needed<const D: usize>(problem: &Problem<D>) -> bool {
+    problem.deepest_overlap() > DEEP
+}
+
+/// Velocities that take overlaps back, beside those of the bodies, m/s by slot; none if they would not help. The
+/// problem is left as it was.
 pub(crate) fn repair<const D: usize>(
     problem: &mut Problem<D>,
     scene: &Scene<D>,
     order: &[u32],
     stopping: &Stopping,
 ) -> (Vec<Vector<D>>, Outcome) {
-    if problem.deepest_overlap() <= DEEP {
-        return (vec![], Outcome::default());
-    }
     let state = problem.bodies.state();
     let impulses: Vec<Vector<D>> = problem.contacts.iter().map(|c| c.impulse).collect();
     let stopping = Stopping {

@@ -109,7 +109,7 @@ impl<const D: usize> Scene<'_, D> {
         }
     }
 
-    /// The contact of grain i with a wall, and its gap.
+    /// The contact of grain i with a wall whose body is there, and its gap.
     pub fn with_wall(&self, slots: [u32; 2], [i, w]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
         let (p, i) = (self.particles, i as usize);
         let (wall, placed) = (&self.walls[w as usize], &self.placed[w as usize]);
@@ -118,7 +118,7 @@ impl<const D: usize> Scene<'_, D> {
         let distance = arm.norm();
         let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
         let gap = distance - p.radius[i];
-        let before = (placed.velocity_at(share) - p.velocity[i]).dot(&normal);
+        let before = (bodies.velocity(slots[1] as usize) - p.velocity[i]).dot(&normal);
         let contact = self.contact(slots, normal, gap, before, [wall.restitution, wall.friction], bodies);
         (contact, gap)
     }

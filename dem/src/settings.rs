@@ -47,7 +47,8 @@ pub struct Settings<const D: usize> {
     /// Acceleration of the sweeps.
     pub acceleration: Acceleration,
     /// Whether contacts must keep from closing beyond their gaps, beside the tolerance, and go to an interior-point method if
-    /// `max_sweeps` do not bring that: grains whose masses lie far apart, strong friction.
+    /// `max_sweeps` do not bring that: grains whose masses lie far apart, strong friction. Impulses are not corrected over
+    /// long distances then.
     pub interior: bool,
     /// Heat through contacts; none: grains exchange no heat among themselves.
     pub conduction: Option<Conduction>,
@@ -131,7 +132,7 @@ pub struct StepReport {
     pub candidates: usize,
     /// Sweeps, all sub-steps together.
     pub sweeps: usize,
-    /// Contacts relaxed, on all levels and in all sub-steps: the work done.
+    /// Contacts relaxed in all sub-steps, and those that could be in the time of measures: the work done.
     pub work: usize,
     /// Largest energy of the velocity error of the sub-steps, as the share that [`Settings::tolerance`] bounds.
     pub error: f64,

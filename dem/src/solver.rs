@@ -5,7 +5,7 @@
 //! long distances would take away ([`Coarse`]). The problem is solved when that energy is below a share of the energy
 //! of what the sub-step changes of the velocities (at rest, of a part of the energy that the contacts have to do
 //! with), and no contact closes so fast that it would become an overlap that matters. Between runs the corrections
-//! are made, so that the number of sweeps hardly depends on the height of a bed.
+//! are made: the number of sweeps then hardly depends on the height of a stack.
 //!
 //! All sums run over one binary tree of tiles that depends on their number only, and tiles of one colour share no grain:
 //! the result is the same bit for bit on any number of threads, and without threads.
@@ -94,7 +94,7 @@ const PASSES: f64 = 1e30;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Outcome {
     pub sweeps: usize,
-    /// Contacts relaxed, on all levels.
+    /// Contacts relaxed; a look or a measure counts as many as are relaxed in its time.
     pub work: usize,
     /// Energy of the velocity error over that of what the contacts have to do with.
     pub error: f64,

@@ -21,10 +21,10 @@ impl<const D: usize> Dem<D> {
         self.after.clear();
         let mut search = std::mem::take(&mut self.search);
         let mut problem = std::mem::take(&mut self.problem);
+        let stopping = self.stopping(h, load);
         for attempt in 1.. {
             search.prepare(&self.scene(h, load), &self.memory, &self.after, &mut problem);
             problem.apply_impulses();
-            let stopping = self.stopping(h, load);
             let outcome = self.solve(&mut problem, &search.grid.order, &stopping, load, h);
             report.sweeps += outcome.sweeps;
             report.work += outcome.work;

@@ -50,11 +50,11 @@ const DIVERGED: f64 = 30.0;
 /// long, and the longest pause in runs: what is left then are errors that corrections do not see, and they would
 /// interrupt the momentum of the sweeps that do.
 const HELPED: f64 = 0.9;
+const LONGEST_PAUSE: usize = 64;
 /// Error above which no correction waits: the measure still grows with the impulses.
 const GROWING: f64 = 1e-2;
 /// Error above which the changes of the impulses belong to the measure and the corrections.
 const NEAR: f64 = 1e-6;
-const LONGEST_PAUSE: usize = 64;
 
 /// When impulses are corrected over long distances.
 struct Corrections {
@@ -87,11 +87,11 @@ impl<const D: usize> Problem<D> {
     /// Runs of sweeps until the problem is solved and has settled, or the sweeps are used up.
     pub(super) fn sweeps<L: Law>(&mut self, stopping: &Stopping, grains: &Grains<D>) -> Outcome {
         self.bounds.clear();
-        self.coarse.restart(&mut self.uncorrected);
+        self.coarse.restart(&self.place, &self.radius, &mut self.uncorrected);
         let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > super::STRONG);
         let mut pace = self.start_momentum(stopping.momentum);
         let mut corrections = Corrections {
-            allowed: stopping.short_runs.is_some() && self.coarse.reach_far(&self.place, &self.radius),
+            allowed: stopping.short_runs.is_some() && self.coarse.reach_far(),
             next: stopping.short_runs.unwrap_or(0),
             pause: 1,
             before: f64::INFINITY,
@@ -103,8 +103,8 @@ impl<const D: usize> Problem<D> {
         for run in 0.. {
             let count = RUNS[run.min(RUNS.len() - 1)].min(stopping.max_sweeps - outcome.sweeps);
             let due = corrections.due(run);
-            let far = due && (run == 0 || outcome.error > NEAR);
-            self.run::<L>(outcome.sweeps..outcome.sweeps + count, strong, far, &mut pace);
+            let column = due && (run == 0 || outcome.error > NEAR);
+            self.run::<L>(outcome.sweeps..outcome.sweeps + count, strong, column, &mut pace);
             let last = outcome.sweeps + count == stopping.max_sweeps;
             let judged = self.judge::<L>(stopping, grains, due || corrections.made || last);
             let work = outcome.work + count * self.contacts.len() + judged.work;
@@ -140,19 +140,19 @@ impl<const D: usize> Problem<D> {
         outcome
     }
 
-    /// A run of sweeps; what it changes is a column of the correction if one is due.
+    /// A run of sweeps; what it changes is a column of the next correction if `column`.
     fn run<L: Law>(
         &mut self,
         sweeps: std::ops::Range<usize>,
         strong: bool,
-        due: bool,
+        column: bool,
         pace: &mut Option<Momentum>,
     ) {
         self.coarse.leave();
-        if !due {
-            self.coarse.forget();
-        } else {
+        if column {
             self.coarse.mark(&self.contacts);
+        } else {
+            self.coarse.forget();
         }
         let any = !sweeps.is_empty();
         for sweep in sweeps {
@@ -161,7 +161,7 @@ impl<const D: usize> Problem<D> {
             }
             self.paced_sweep::<L>(pace);
         }
-        if due && any {
+        if column && any {
             self.coarse.keep(&self.contacts);
         }
     }

@@ -131,11 +131,13 @@ fn run(effort: Effort) -> Result<Outcome> {
     for (name, count) in unsolved {
         outcome.findings.push(Finding::at_most(format!("steps not solved, {name}"), "1", 0.0, count as f64));
     }
-    outcome.panels = [("Stacks from a cold start", stacks), ("Random beds from a cold start", beds)]
-        .map(|(title, curves)| Panel {
-            curves,
-            ..Panel::new(title, "time (s)", "mean height moved / diameter")
-        })
-        .into();
+    outcome.panels =
+        [("Stacks from a cold start", 1e-6, stacks), ("Random beds from a cold start", 1e-3, beds)]
+            .map(|(title, unit, mut curves)| {
+                curves.iter_mut().flat_map(|curve| &mut curve.points).for_each(|(_, height)| *height /= unit);
+                let label = format!("mean height moved / ({unit:e} diameters)");
+                Panel { curves, ..Panel::new(title, "time (s)", label) }
+            })
+            .into();
     Ok(outcome)
 }
