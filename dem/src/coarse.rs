@@ -91,16 +91,16 @@ const IDLE: usize = 100;
 const PARTS: usize = 4;
 
 impl<const D: usize> Coarse<D> {
-    /// Lays the nodes of another problem and forgets the changes. The room for them, and for the impulses before a
+    /// Lays the nodes of another problem, whose contacts lie between two corners, and forgets the changes. The room for them, and for the impulses before a
     /// correction, is given back when many problems in a row have done without.
-    pub fn restart(&mut self, place: &[Vector<D>], radius: &[f64], uncorrected: &mut Vec<Kept<D>>) {
+    pub fn restart(&mut self, contacts: [Vector<D>; 2], radius: &[f64], uncorrected: &mut Vec<Kept<D>>) {
         self.idle += 1;
         if self.idle == IDLE {
             self.changes = Default::default();
             *uncorrected = vec![];
         }
         self.forget();
-        self.nodes.lay(place, radius);
+        self.nodes.lay(contacts, radius);
     }
 
     /// Forgets the changes: they are known no more.

@@ -54,12 +54,16 @@ impl<const D: usize> Scene<'_, D> {
 
     /// Energy of the difference between the velocities of `bodies` and those without contacts, J.
     pub fn pushed(&self, order: &[u32], bodies: &Bodies<D>) -> f64 {
-        energy(order, bodies, |i| self.free_velocity(i))
+        energy(order, bodies, |i, v| (v - self.free_velocity(i)).norm_squared())
     }
 
-    /// Energy of the changes of the velocities since the start of the sub-step, J.
+    /// Energy of the changes of the velocities since the start of the sub-step, J, each grain's no larger than that of what
+    /// its contacts have changed: what falls freely has no part in the errors of contacts.
     pub fn changed(&self, order: &[u32], bodies: &Bodies<D>) -> f64 {
-        energy(order, bodies, |i| self.particles.velocity[i])
+        energy(order, bodies, |i, v| {
+            let (before, free) = (self.particles.velocity[i], self.free_velocity(i));
+            (v - before).norm_squared().min((v - free).norm_squared())
+        })
     }
 
     /// A, W/K.
@@ -155,16 +159,15 @@ impl<const D: usize> Scene<'_, D> {
     }
 }
 
-/// Energy of the differences between the velocities of `bodies` and others of the grains, J.
+/// Energy of grains with these squares of speeds, by the number of a grain and its velocity in `bodies`, J.
 fn energy<const D: usize>(
     order: &[u32],
     bodies: &Bodies<D>,
-    other: impl Fn(usize) -> Vector<D> + Sync,
+    square: impl Fn(usize, Vector<D>) -> f64 + Sync,
 ) -> f64 {
     parallel::sum(0..order.len(), &|slot| {
         let mobility = bodies.mobility(slot);
         let moves = mobility > 0.0;
-        let change = || bodies.velocity(slot) - other(order[slot] as usize);
-        if moves { 0.5 * change().norm_squared() / mobility } else { 0.0 }
+        if moves { 0.5 * square(order[slot] as usize, bodies.velocity(slot)) / mobility } else { 0.0 }
     })
 }

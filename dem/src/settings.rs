@@ -35,8 +35,8 @@ pub struct Settings<const D: usize> {
     pub gravity: Vector<D>,
     /// Share of the kinetic energy of what a sub-step changes of the velocities which that of their error may have, for
     /// the contacts to count as solved. Where grains rest and velocities hardly change, it is the share of a hundredth of
-    /// the energy that forces bring and contacts take; a few sweeps more then go on towards a thousandth of that, because
-    /// errors would let the grains creep.
+    /// the energy that forces bring and contacts take; a few sweeps more then go on towards 1e-11 of that energy in its
+    /// place, because errors would let the grains creep.
     pub tolerance: f64,
     /// Sweeps per sub-step at most; a step that needs more is reported as not converged.
     pub max_sweeps: usize,

@@ -7,6 +7,19 @@
 //! with), and no contact closes so fast that it would become an overlap that matters. Between runs the corrections
 //! are made: the number of sweeps then hardly depends on the height of a stack.
 //!
+//! **What was compared.** Random beds of discs with friction from a cold start, energy of the velocity error over that of a free
+//! fall after so many sweeps, or passes of the same cost:
+//!
+//! | method | stacks | bed of 400 rows |
+//! |---|---|---|
+//! | plain sweeps (`acceleration = "none"`) | cos^2(pi/(2 N)) a sweep: 24,000 for 80 discs | as good as never |
+//! | sweeps with momentum | N^0.9 sweeps | 0.3 after 1000 |
+//! | the same, and corrections by factors that vary slowly (this one) | 354 sweeps for 1600 discs | 0.47, 0.18, 0.036, 2.5e-4 after 250, 500, 1000, 2000 |
+//! | impulses handed down from grain to grain as a first guess | exact | 0.03 after 54 sweeps, but then no correction may follow, and the bed sinks 3.5 times as far as it should |
+//! | sweeps on levels of rigid aggregates | exact in one cycle | stalls above 1: small blocks are floppy |
+//! | semi-smooth Newton with a stiff penalty | a few steps | line search takes steps of 0.01 |
+//! | interior points with a sparse Cholesky factor | 14 factors for 100 rows | more than 45 factors of a second each |
+//!
 //! All sums run over one binary tree of tiles that depends on their number only, and tiles of one colour share no grain:
 //! the result is the same bit for bit on any number of threads, and without threads.
 
@@ -17,6 +30,7 @@ use crate::interior::{self, Free, Friction};
 use crate::momentum::Momentum;
 use crate::space::Vector;
 use rayon::prelude::*;
+use runs::Measure;
 
 mod runs;
 
@@ -83,7 +97,7 @@ pub(crate) struct Grains<'a, const D: usize> {
     pub free: &'a dyn Fn(&Bodies<D>),
     /// Energy of what the contacts have changed, J.
     pub pushed: &'a dyn Fn(&Bodies<D>) -> f64,
-    /// Energy of the changes of the velocities since the start of the sub-step, J.
+    /// Energy of the changes of the velocities that contacts take part in since the start of the sub-step, J.
     pub changed: &'a dyn Fn(&Bodies<D>) -> f64,
 }
 
@@ -209,7 +223,8 @@ impl<const D: usize> Problem<D> {
         if first.solved(stopping) || !stopping.interior || self.bodies.len() > most {
             return first;
         }
-        let mut judge = |problem: &mut Self| problem.judge::<L>(stopping, grains, true).excess(stopping);
+        let mut judge =
+            |problem: &mut Self| problem.judge::<L>(stopping, grains, Measure::Always).excess(stopping);
         let free = Free::new(self, grains);
         let mut lacks = f64::MAX;
         for friction in [Friction::Follows, Friction::Held, Friction::Out] {
@@ -228,7 +243,7 @@ impl<const D: usize> Problem<D> {
                 self.bodies.set_state(&state);
             }
         }
-        let outcome = self.judge::<L>(stopping, grains, true);
+        let outcome = self.judge::<L>(stopping, grains, Measure::Always);
         Outcome { sweeps: first.sweeps + again, work: first.work, ..outcome }
     }
 
@@ -394,6 +409,12 @@ impl<const D: usize> Problem<D> {
     #[inline(always)]
     pub fn point(&self, c: &Contact<D>) -> Vector<D> {
         self.place[c.i as usize] + c.normal * self.radius[c.i as usize]
+    }
+
+    /// The corners of the box around all contacts.
+    fn corners(&self) -> [Vector<D>; 2] {
+        let none = [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)];
+        self.contacts.iter().map(|c| self.point(c)).fold(none, |[low, high], x| [low.inf(&x), high.sup(&x)])
     }
 
     /// Relative velocity at a contact, m/s.

@@ -254,7 +254,9 @@ fn shipped_studies_are_valid_and_run_in_their_quick_form() {
         let column = rows[0].keys().find(|column| column.starts_with("error_of")).unwrap().clone();
         for pair in rows.windows(2).filter(|pair| pair[0]["curve"] == pair[1]["curve"]) {
             let [coarse, fine] = [0, 1].map(|k| number(&pair[k], &column));
-            assert!(fine < coarse && fine.is_finite(), "{name}: {pair:?}");
+            // What settles to rounding does so whatever the tolerance.
+            let settled = fine == coarse && fine < 1e-6;
+            assert!((fine < coarse || settled) && fine.is_finite(), "{name}: {pair:?}");
         }
     }
 }

@@ -25,20 +25,17 @@ pub struct Nodes<const D: usize> {
 }
 
 impl<const D: usize> Nodes<D> {
-    /// Lays the grid over the grains.
-    pub fn lay(&mut self, place: &[Vector<D>], radius: &[f64]) {
+    /// Lays the grid over the contacts, of which two corners of a box are given. Grains in flight have none: they do not count.
+    pub fn lay(&mut self, [low, high]: [Vector<D>; 2], radius: &[f64]) {
         self.dims.clear();
         self.origin.clear();
-        let Some(first) = place.first() else { return };
-        let (mut low, mut high) = (*first, *first);
-        let (mut volume, mut largest) = (0.0, 0.0f64);
-        for (x, r) in place.iter().zip(radius) {
-            (low, high) = (low.inf(&x.add_scalar(-r)), high.sup(&x.add_scalar(*r)));
-            volume += r.powi(D as i32);
-            largest = largest.max(*r);
-        }
-        let mean = 2.0 * (volume / radius.len() as f64).powf(1.0 / D as f64);
         let extent = high - low;
+        if radius.is_empty() || !extent.iter().all(|e| *e >= 0.0) {
+            return;
+        }
+        let volume: f64 = radius.iter().map(|r| r.powi(D as i32)).sum();
+        let largest = radius.iter().fold(0.0, |a: f64, r| a.max(*r));
+        let mean = 2.0 * (volume / radius.len() as f64).powf(1.0 / D as f64);
         // A grain and the gaps around it are narrower than a cell: its contacts lie in two cells along an axis at most.
         let spacing = (SPACING * mean).max(extent.max() / (most_nodes(D) - 1.0)).max(4.2 * largest);
         self.inverse = 1.0 / spacing;

@@ -60,8 +60,9 @@ fn compared(p: &Particles<2>, from: Option<&State<2>>, max_sweeps: usize) -> (f6
         let inertia = now.particles.rotation.as_ref().unwrap().inertia[i];
         error += 0.5 * p.mass[i] * (v - w).norm_squared();
         error += 0.5 * inertia * (spin(&now) - spin(&solved)).powi(2);
-        changed += 0.5 * p.mass[i] * (v - before[i]).norm_squared();
-        scale += 0.25 * p.mass[i] * (fall.norm_squared() + (v - before[i] - fall).norm_squared());
+        let (change, push) = (v - before[i], v - before[i] - fall);
+        changed += 0.5 * p.mass[i] * change.norm_squared().min(push.norm_squared());
+        scale += 0.25 * p.mass[i] * (fall.norm_squared() + push.norm_squared());
     }
     (report.error * changed.max(1e-2 * scale) / error, error / scale)
 }

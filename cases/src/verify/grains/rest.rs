@@ -23,6 +23,11 @@ const STEP: f64 = 5e-4;
 const DIAMETER: f64 = 50e-6;
 const WIDTH: f64 = 50.0;
 
+/// Time after which a stack must rest, s; and a random bed, in the time of a free fall over its height: grain by grain it
+/// was built, and the last of them find their holes when what lies below them has settled.
+const STACK_RESTS: f64 = 0.02;
+const FALLS: f64 = 3.0;
+
 /// What is seen of a bed.
 struct Seen {
     name: String,
@@ -73,7 +78,7 @@ fn stack(count: usize, steps: usize) -> Result<Seen> {
     let places = (0..count).map(|k| v(0.0, radius * (1 + 2 * k) as f64)).collect();
     let grains = alike(places, radius, &material)?;
     let dem = Dem::new(grains, vec![floor], vec![material], Settings::default())?;
-    Ok(watch(format!("stack of {count}"), dem, 2.0 * radius, 0.02, steps))
+    Ok(watch(format!("stack of {count}"), dem, 2.0 * radius, STACK_RESTS, steps))
 }
 
 /// A bed of discs of 44 to 55 um, dropped and rolled between rough walls.
@@ -97,8 +102,9 @@ fn bed(rows: usize, steps: usize) -> Result<Seen> {
         wall("left", v(0.0, 0.0), v(0.0, top)),
         wall("right", v(width, 0.0), v(width, top)),
     ];
+    let height = rows as f64 * DIAMETER;
     let dem = Dem::new(grains, walls, materials.to_vec(), Settings::default())?;
-    Ok(watch(format!("bed of {rows} rows"), dem, DIAMETER, 0.04, steps))
+    Ok(watch(format!("bed of {rows} rows"), dem, DIAMETER, FALLS * (2.0 * height / G).sqrt(), steps))
 }
 
 /// What a bed must keep: speeds over g dt and heights in diameters.
@@ -123,7 +129,7 @@ fn run(effort: Effort) -> Result<Outcome> {
         stacks.push(Curve::measured(seen.name, seen.heights));
     }
     for &rows in effort.pick::<&[usize]>(&[20], &[20, 100, 400]) {
-        let seen = bed(rows, effort.pick(200, if rows > 100 { 200 } else { steps }))?;
+        let seen = bed(rows, steps)?;
         outcome.findings.extend(findings(&seen, 0.3, 1e-2, 1e-2));
         unsolved.push((seen.name.clone(), seen.unsolved));
         beds.push(Curve::measured(seen.name, seen.heights));
