@@ -5,13 +5,13 @@ use crate::closure::ThermalFluid;
 use crate::error::{Error, Result};
 use crate::launch::{self, Host};
 use crate::motion::Swing;
-use crate::placing::Placing;
+use crate::placing::{Placed, Placing};
 use crate::protocol::Setup;
 use crate::renewal::Renewal;
 use crate::scene::{self, Scene};
 use crate::{Coupled, Fluid, Interaction, Laws};
 use std::sync::Arc;
-use voidage_dem::{Conduction, Dem, Material, Motion, Particles, Settings, Wall};
+use voidage_dem::{Conduction, ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
 use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
 use voidage_fluid::exchange::AtBodies;
 use voidage_fluid::flow::{HeatProperties, Numerics, State};
@@ -92,14 +92,23 @@ fn initial_velocity(fluid: &scene::Fluid) -> Vector<2> {
 fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
     let names: Vec<&String> = scene.materials.keys().collect();
     let mut materials = Vec::new();
-    let mut all = Particles::<2>::default();
+    let (mut all, mut forces) = (Particles::<2>::default(), vec![]);
     let mut heat = voidage_dem::Heat::default();
     for (k, group) in scene.grains.iter().enumerate() {
         let Some(described) = scene.materials.get(&group.material) else {
             return Err(Error::Input(format!("no material `{}`; there are {names:?}", group.material)));
         };
         materials.push(material(described, group.solidity));
-        let mut placed = placing.place(scene, k, &materials)?;
+        let Placed { grains: mut placed, forces: of_bed } = placing.place(scene, k, &materials)?;
+        let first = all.len() as u32;
+        forces.extend(of_bed.into_iter().map(|f| ContactForce {
+            grain: first + f.grain,
+            partner: match f.partner {
+                Partner::Grain(other) => Partner::Grain(first + other),
+                wall => wall,
+            },
+            ..f
+        }));
         // Columns of a file go before the values of the group.
         if let Some(velocity) =
             group.velocity.as_ref().filter(|_| placed.velocity.iter().all(|v| v.norm() == 0.0))
@@ -117,7 +126,7 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
         if group.fixed {
             placed.mass.fill(f64::INFINITY);
         }
-        append(&mut all, placed);
+        all.append(placed);
     }
     if scene.grains_have_heat() {
         all.heat = Some(heat);
@@ -128,7 +137,11 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
         all = all.rotating();
     }
     let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect();
-    Ok(Dem::new(all, walls, materials, settings(scene, &contacts))?)
+    let mut dem = Dem::new(all, walls, materials, settings(scene, &contacts))?;
+    if !forces.is_empty() {
+        dem.start_from(&forces);
+    }
+    Ok(dem)
 }
 
 /// A material of the scene, for grains of a solidity.
@@ -143,15 +156,6 @@ pub(crate) fn material(described: &scene::Material, solidity: f64) -> Material {
         conductivity: described.conductivity.unwrap_or(0.0),
         heat_capacity: described.heat_capacity.unwrap_or(0.0),
     }
-}
-
-fn append(all: &mut Particles<2>, more: Particles<2>) {
-    all.position.extend(more.position);
-    all.velocity.extend(more.velocity);
-    all.radius.extend(more.radius);
-    all.mass.extend(more.mass);
-    all.volume.extend(more.volume);
-    all.material.extend(more.material);
 }
 
 /// A wall of the scene, at time 0 and by its law of motion.

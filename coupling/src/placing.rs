@@ -10,7 +10,7 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use voidage_dem::packing::{self, Amount, Fill, Progress, Radii, Region, Settled};
-use voidage_dem::{Material, Particles, Settings, Wall};
+use voidage_dem::{ContactForce, Material, Particles, Partner, Settings, Vector, Wall};
 
 /// Told the number of the group and how far its placement is, many times a second; may end it.
 pub type Observer<'a> = dyn FnMut(usize, Progress) -> ControlFlow<()> + 'a;
@@ -56,14 +56,30 @@ impl fmt::Display for Bed {
     }
 }
 
-/// What is kept beside the table of a bed.
+/// The grains of a group, and the forces of the bed that they are.
+pub(crate) struct Placed {
+    pub grains: Particles<2>,
+    pub forces: Vec<ContactForce<2>>,
+}
+
+/// What is kept beside the tables of a bed.
 #[derive(Serialize, Deserialize)]
 struct Kept {
     /// Hash of all that determines the bed.
     hash: String,
-    /// Hash of the table.
-    table: String,
+    /// Hash of both tables.
+    tables: String,
     bed: Bed,
+}
+
+/// A row of the table of forces: grains and walls by number, N per metre of depth, on the other grain or the wall.
+#[derive(Serialize, Deserialize)]
+struct Row {
+    grain: u32,
+    other_grain: Option<u32>,
+    wall: Option<u32>,
+    force_x: f64,
+    force_y: f64,
 }
 
 /// All that determines a bed.
@@ -93,7 +109,7 @@ impl<'a> Placing<'a> {
     }
 
     /// The grains of a group; `materials` are those of the groups up to it.
-    pub(crate) fn place(&mut self, scene: &Scene, k: usize, materials: &[Material]) -> Result<Particles<2>> {
+    pub(crate) fn place(&mut self, scene: &Scene, k: usize, materials: &[Material]) -> Result<Placed> {
         let group = &scene.grains[k];
         let fill = fill(group, k as u8, materials);
         let observer = &mut |progress: Progress| (self.observer)(k, progress);
@@ -105,30 +121,32 @@ impl<'a> Placing<'a> {
             Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed), observer),
             Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
         };
-        placed.map_err(|error| wrong(scene, k, error))
+        let grains = placed.map_err(|error| wrong(scene, k, error))?;
+        Ok(Placed { grains, forces: vec![] })
     }
 
     /// A bed, kept or new.
-    fn bed(&mut self, scene: &Scene, k: usize, d: &scene::Deposit, fill: &Fill<'_>) -> Result<Particles<2>> {
+    fn bed(&mut self, scene: &Scene, k: usize, d: &scene::Deposit, fill: &Fill<'_>) -> Result<Placed> {
         let file = self.folder.as_ref().map(|folder| folder.join(format!("packing-{k}.csv")));
         let hash = hash(scene, k)?;
-        if let Some((bed, grains)) = file.as_ref().and_then(|file| take(file, &hash, fill)) {
+        if let Some((bed, placed)) = file.as_ref().and_then(|file| take(file, &hash, fill)) {
             self.beds.push(Bed { group: k, taken_from: file, ..bed });
-            return Ok(grains);
+            return Ok(placed);
         }
         let observer = &mut |progress: Progress| (self.observer)(k, progress);
         let how = deposit(scene, d);
         let settled = packing::deposit(&region(&d.lower, &d.upper), fill, &how, observer)
             .map_err(|error| wrong(scene, k, error))?;
-        let Settled { particles, steps, speed, at_rest, solid_fraction, .. } = settled;
+        let Settled { particles, forces, steps, speed, at_rest, solid_fraction, .. } = settled;
         let at_rest = d.settle.then_some(at_rest);
         let grains = particles.len();
         let bed = Bed { group: k, grains, solid_fraction, at_rest, steps, speed, taken_from: None };
+        let placed = Placed { grains: particles, forces };
         if let Some(file) = &file {
-            keep(file, hash, &bed, &particles)?;
+            keep(file, hash, &bed, &placed)?;
         }
         self.beds.push(bed);
-        Ok(particles)
+        Ok(placed)
     }
 }
 
@@ -225,26 +243,59 @@ fn hash(scene: &Scene, k: usize) -> Result<String> {
     Ok(blake3::hash(&text).to_hex().to_string())
 }
 
-/// The file beside the table of a bed that says what it is of.
+/// The files beside the table of a bed: what says what it is of, and its forces.
 fn label(table: &Path) -> PathBuf {
     table.with_extension("json")
 }
 
+fn table_of_forces(table: &Path) -> PathBuf {
+    table.with_extension("forces.csv")
+}
+
+/// Hash of the tables of a bed.
+fn hash_of_tables(table: &Path) -> std::io::Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&fs::read(table)?);
+    hasher.update(&fs::read(table_of_forces(table))?);
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
 /// A kept bed, if it is whole and of this hash.
-fn take(table: &Path, hash: &str, fill: &Fill<'_>) -> Option<(Bed, Particles<2>)> {
+fn take(table: &Path, hash: &str, fill: &Fill<'_>) -> Option<(Bed, Placed)> {
     let kept: Kept = serde_json::from_slice(&fs::read(label(table)).ok()?).ok()?;
-    if kept.hash != hash || kept.table != blake3::hash(&fs::read(table).ok()?).to_hex().as_str() {
+    if kept.hash != hash || kept.tables != hash_of_tables(table).ok()? {
         return None;
     }
     let grains = packing::read_table(table, fill.material, fill.materials).ok()?;
-    Some((kept.bed, grains))
+    let mut reader = csv::Reader::from_path(table_of_forces(table)).ok()?;
+    let force = |row: Row| {
+        let partner = row.other_grain.map(Partner::Grain).or(row.wall.map(Partner::Wall))?;
+        Some(ContactForce { grain: row.grain, partner, force: Vector::<2>::new(row.force_x, row.force_y) })
+    };
+    let forces = reader.deserialize().map(|row| force(row.ok()?)).collect::<Option<_>>()?;
+    Some((kept.bed, Placed { grains, forces }))
 }
 
-/// Keeps a bed; the table first, so that the label never speaks of another one.
-fn keep(table: &Path, hash: String, bed: &Bed, grains: &Particles<2>) -> Result<()> {
+/// Keeps a bed; the tables first, so that the label never speaks of another one.
+fn keep(table: &Path, hash: String, bed: &Bed, placed: &Placed) -> Result<()> {
     table.parent().map_or(Ok(()), create_folder)?;
-    packing::write_table(table, grains)?;
-    let written = fs::read(table).map_err(|error| Error::file(table, "read", error))?;
-    let kept = Kept { hash, table: blake3::hash(&written).to_hex().to_string(), bed: bed.clone() };
+    packing::write_table(table, &placed.grains)?;
+    let forces = table_of_forces(table);
+    write_forces(&forces, &placed.forces).map_err(|error| Error::file(&forces, "write", error.into()))?;
+    let tables = hash_of_tables(table).map_err(|error| Error::file(table, "read", error))?;
+    let kept = Kept { hash, tables, bed: bed.clone() };
     write_whole(&label(table), |file| serde_json::to_writer_pretty(file, &kept).map_err(Into::into))
+}
+
+fn write_forces(path: &Path, forces: &[ContactForce<2>]) -> csv::Result<()> {
+    let mut writer = csv::Writer::from_path(path)?;
+    for f in forces {
+        let (other_grain, wall) = match f.partner {
+            Partner::Grain(grain) => (Some(grain), None),
+            Partner::Wall(wall) => (None, Some(wall)),
+        };
+        let [force_x, force_y] = f.force.into();
+        writer.serialize(Row { grain: f.grain, other_grain, wall, force_x, force_y })?;
+    }
+    Ok(writer.flush()?)
 }

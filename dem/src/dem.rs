@@ -4,7 +4,7 @@ use crate::bonds::Bonds;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::mark::Mark;
-use crate::memory::{Memory, WALL};
+use crate::memory::{Memory, Record, WALL};
 use crate::parallel;
 use crate::penetration::Moved;
 use crate::repair;
@@ -78,6 +78,17 @@ pub struct Contact<const D: usize> {
     /// What the contact allowed the gap to close by in the last sub-step, m: the gap at its start (zero for grains
     /// that overlap), or less after an impact with restitution.
     pub gap: f64,
+}
+
+/// The force at a contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactForce<const D: usize> {
+    /// Number of the first grain.
+    pub grain: u32,
+    /// The other side.
+    pub partner: Partner,
+    /// Force on the other side, N (per metre of depth).
+    pub force: Vector<D>,
 }
 
 impl<const D: usize> Dem<D> {
@@ -363,6 +374,24 @@ impl<const D: usize> Dem<D> {
             force: c.impulse / h,
             gap: c.bias * h,
         })
+    }
+
+    /// Lets the next step start from these forces: those of a bed that has settled before. Without them the forces of a bed
+    /// that is at rest are sought from nothing, and it gives way a little meanwhile.
+    pub fn start_from(&mut self, forces: &[ContactForce<D>]) {
+        // Impulses of a step of one second; the next one takes its part.
+        let records = || {
+            forces.iter().map(|f| Record {
+                i: f.grain,
+                j: match f.partner {
+                    Partner::Grain(j) => j,
+                    Partner::Wall(wall) => WALL + wall,
+                },
+                impulse: f.force,
+                age: 0,
+            })
+        };
+        self.memory.store(self.particles.len(), 1.0, self.settings.cohesion.is_some(), records);
     }
 
     /// Time, s.

@@ -38,7 +38,7 @@ mod spread;
 mod walls;
 
 pub use bonds::{Bond, Bonds};
-pub use dem::{Contact, Dem, Partner, State};
+pub use dem::{Contact, ContactForce, Dem, Partner, State};
 pub use error::{Error, Result};
 pub use heat::Conduction;
 pub use particles::{Heat, Material, Particles, Rotation};

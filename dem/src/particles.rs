@@ -169,6 +169,31 @@ impl<const D: usize> Particles<D> {
         Ok(self)
     }
 
+    /// Adds other grains after these. Spin and heat stay only if both have them.
+    pub fn append(&mut self, more: Self) {
+        if self.is_empty() {
+            *self = more;
+            return;
+        }
+        self.position.extend(more.position);
+        self.velocity.extend(more.velocity);
+        self.radius.extend(more.radius);
+        self.mass.extend(more.mass);
+        self.volume.extend(more.volume);
+        self.material.extend(more.material);
+        self.rotation = self.rotation.take().zip(more.rotation).map(|(mut all, more)| {
+            all.spin.extend(more.spin);
+            all.angle.extend(more.angle);
+            all.inertia.extend(more.inertia);
+            all
+        });
+        self.heat = self.heat.take().zip(more.heat).map(|(mut all, more)| {
+            all.temperature.extend(more.temperature);
+            all.capacity.extend(more.capacity);
+            all
+        });
+    }
+
     /// Whether a grain is held: its mass is infinite.
     pub fn held(&self, i: usize) -> bool {
         self.mass[i] == f64::INFINITY

@@ -3,7 +3,7 @@
 use super::source::Source;
 use super::{Amount, Fill, Method, Observer, Progress, Region, container, pour, solid_fraction, tell};
 use crate::error::{Error, Result, check};
-use crate::{Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};
+use crate::{Contact, ContactForce, Dem, Load, Material, Motion, Particles, Partner, Settings, Vector, Wall};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -36,7 +36,7 @@ impl Default for Deposit {
             rotation: true,
             walls: vec![],
             settings: Settings { max_sweeps: 200, ..Settings::default() },
-            rest: 0.05,
+            rest: 1e-3,
             max_steps: 2_000,
         }
     }
@@ -47,6 +47,8 @@ impl Default for Deposit {
 pub struct Settled {
     /// The grains; their remaining velocities are set to zero, and they have no spin yet.
     pub particles: Particles<2>,
+    /// The forces between them and on the walls given, by the numbers of these, in the last step; none of a bed as built.
+    pub forces: Vec<ContactForce<2>>,
     /// Time simulated, s.
     pub time: f64,
     /// Steps taken.
@@ -81,6 +83,7 @@ pub fn deposit(
     let diameter = 2.0 * particles.radius.iter().sum::<f64>() / particles.len() as f64;
     let mut settled = Settled {
         particles: Particles::default(),
+        forces: vec![],
         time: 0.0,
         steps: 0,
         speed: 0.0,
@@ -93,11 +96,26 @@ pub fn deposit(
         settle(&mut dem, how, diameter, &mut settled, observer)?;
     }
     settled.time = dem.time();
+    settled.forces = forces(&dem, dem.walls().len() - how.walls.len());
     settled.solid_fraction = solid_fraction(&dem.particles, dem.walls());
     settled.particles = dem.particles;
     settled.particles.velocity.fill(Vector::zeros());
     settled.particles.rotation = None;
     Ok(settled)
+}
+
+/// The forces of the last step without those on the first walls, which are sides of the region.
+fn forces(dem: &Dem<2>, sides: usize) -> Vec<ContactForce<2>> {
+    dem.contacts()
+        .filter(|contact| contact.force != Vector::<2>::zeros())
+        .filter_map(|Contact { grain, partner, force, .. }| {
+            let partner = match partner {
+                Partner::Grain(_) => partner,
+                Partner::Wall(wall) => Partner::Wall(wall.checked_sub(sides as u32)?),
+            };
+            Some(ContactForce { grain, partner, force })
+        })
+        .collect()
 }
 
 /// Steps until the bed is at rest.

@@ -1,6 +1,6 @@
 use super::lying::Segment;
 use super::*;
-use crate::{Dem, Load, Particles, Settings, ball};
+use crate::{Dem, Load, Particles, Partner, Settings, ball};
 use rand::{Rng, SeedableRng};
 
 type Point = Vector<2>;
@@ -266,4 +266,31 @@ fn whoever_watches_may_end_it() {
     }
     let mut stop = |_: Progress| ControlFlow::Break(());
     assert!(matches!(random(&unit::<2>(), &some, &mut stop), Err(Error::Interrupted)));
+}
+
+/// A bed that has settled goes on from its forces as if it had not been stopped; without them it is solved anew.
+#[test]
+fn a_settled_bed_starts_warm() {
+    let materials = [Material { density: 2500.0, friction: 0.3, ..Material::default() }];
+    let region = Region { low: Point::zeros(), high: Point::new(0.02, 0.1) };
+    let radii = Radii::Uniform { min: 4e-4, max: 5e-4 };
+    let settled =
+        deposit(&region, &fill(&materials, radii, Amount::Count(500)), &Deposit::default(), &mut unobserved)
+            .unwrap();
+    let walls = container(&region, &[]);
+    // The sides of the region are no walls of the scene: their forces are found again.
+    assert!(settled.forces.iter().all(|f| matches!(f.partner, Partner::Grain(_))));
+    let sweeps = |warm: bool| {
+        let walls = walls.iter().map(|side| Wall { friction: 0.3, ..side.clone() }).collect();
+        let grains = settled.particles.clone().rotating();
+        let mut dem = Dem::new(grains, walls, materials.to_vec(), Settings::default()).unwrap();
+        if warm {
+            dem.start_from(&settled.forces);
+        }
+        let report = dem.step(5e-4, &Load::default());
+        assert!(report.converged);
+        report.sweeps
+    };
+    let (warm, cold) = (sweeps(true), sweeps(false));
+    assert!(2 * warm < cold, "{warm} sweeps, {cold} from nothing");
 }
