@@ -465,7 +465,10 @@ fn near_walls<const D: usize>(scene: &Scene<D>, i: usize, walls: &[u32], range: 
     let all = std::mem::take(near);
     let hidden = |k: usize| {
         let n = all[k];
-        if n.share > 0.0 && n.share < 1.0 {
+        let [from, to] = scene.placed[n.wall as usize].points;
+        // Above the end but for rounding is above the end: at the joint itself both walls would carry the grain.
+        let slack = 1e-9 * r / (to - from).norm();
+        if n.share > slack && n.share < 1.0 - slack {
             return false;
         }
         let end = scene.placed[n.wall as usize].point(n.share);
