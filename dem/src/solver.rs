@@ -150,6 +150,8 @@ const STICKS: f64 = 1.0 - 1e-9;
 
 /// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten nanoseconds.
 pub(crate) const FORK: usize = 10_000;
+/// Contacts of a colour above which its tiles do: a sweep takes some thirty nanoseconds for each, many times a step.
+const FORK_CONTACTS: usize = 5_000;
 
 /// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the
 /// difference that a sweep makes up.
@@ -178,11 +180,12 @@ fn add(a: Sums, b: Sums) -> Sums {
     (std::array::from_fn(|k| a.0[k] + b.0[k]), a.1.max(b.1))
 }
 
-/// Calls `f(contacts, last, first)` on each tile, halving the range of tiles, in parallel where it pays.
+/// Calls `f(contacts, last, first)` on each tile, halving the range of tiles, in parallel above `fork` contacts.
 fn over_tiles<const D: usize, F>(
     starts: &[u32],
     contacts: &mut [Contact<D>],
     last: &mut [Vector<D>],
+    fork: usize,
     f: &F,
 ) -> Sums
 where
@@ -197,11 +200,14 @@ where
     let (left, right) = contacts.split_at_mut(cut);
     let (past, later) = last.split_at_mut(cut.min(last.len()));
     let (first, second) = (&starts[..=middle], &starts[middle..]);
-    if left.len() + right.len() > FORK && rayon::current_num_threads() > 1 {
-        let (a, b) = rayon::join(|| over_tiles(first, left, past, f), || over_tiles(second, right, later, f));
+    if left.len() + right.len() > fork && rayon::current_num_threads() > 1 {
+        let (a, b) = rayon::join(
+            || over_tiles(first, left, past, fork, f),
+            || over_tiles(second, right, later, fork, f),
+        );
         return add(a, b);
     }
-    add(over_tiles(first, left, past, f), over_tiles(second, right, later, f))
+    add(over_tiles(first, left, past, fork, f), over_tiles(second, right, later, fork, f))
 }
 
 impl<const D: usize> Problem<D> {
@@ -360,7 +366,7 @@ impl<const D: usize> Problem<D> {
             sums
         };
         let ([square, size, rough, bound, carried], closing) =
-            over_tiles(&self.tiles.starts, &mut self.contacts, &mut [], &tile);
+            over_tiles(&self.tiles.starts, &mut self.contacts, &mut [], FORK, &tile);
         let residual = if square == 0.0 { 0.0 } else { (square / size.max(f64::MIN_POSITIVE)).sqrt() };
         Look { residual, rough, bound, closing, rounding: (4.0 * f64::EPSILON).powi(2) * carried }
     }
@@ -456,7 +462,7 @@ where
         let starts = &tiles.starts[colour[0]..=colour[1]];
         let range = starts[0] as usize..starts[starts.len() - 1] as usize;
         let past = if last.is_empty() { 0..0 } else { range.clone() };
-        sums = add(sums, over_tiles(starts, &mut contacts[range], &mut last[past], &f));
+        sums = add(sums, over_tiles(starts, &mut contacts[range], &mut last[past], FORK_CONTACTS, &f));
     }
     sums
 }
