@@ -2,8 +2,8 @@
 //!
 //! `cargo bench -p voidage --bench beds -- [--sizes 4000,20000,90000] [--threads 1,2] [--impact 200] [--out DIR]` runs every bed in
 //! a process of its own and writes `beds.csv` (with the name of the machine) and `beds.png`; beds that the table in DIR has
-//! already are not run again. `--impact` is the number of steps after which the heavy disc is left alone. Discs of 44 to 55 um, dropped and rolled
-//! between rough walls, square beds up to 400 rows, friction 0.3, steps of 0.5 ms, default settings.
+//! of this machine and version are not run again. `--impact` is the number of steps under the heavy disc. Discs of 44 to
+//! 55 um, dropped and rolled between rough walls, square beds up to 400 rows, friction 0.3, steps of 0.5 ms, default settings.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -176,7 +176,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for size in numbers("--sizes", "4000,20000,90000") {
         for threads in numbers("--threads", "1,2") {
             let [size, threads] = [size, threads].map(|number| number.to_string());
-            if rows.iter().any(|row| row[0] == processor && row[2] == size && row[3] == threads) {
+            let wanted = [processor.as_str(), env!("CARGO_PKG_VERSION"), &size, &threads];
+            if rows.iter().any(|row| row[..4] == wanted) {
                 continue;
             }
             let mut run = Command::new(std::env::current_exe()?);

@@ -274,14 +274,19 @@ fn a_settled_bed_starts_warm() {
     let materials = [Material { density: 2500.0, friction: 0.3, ..Material::default() }];
     let region = Region { low: Point::zeros(), high: Point::new(0.02, 0.1) };
     let radii = Radii::Uniform { min: 4e-4, max: 5e-4 };
+    let walls = vec![Wall { friction: 0.3, ..wall([0.0, 0.0], [0.02, 0.0]) }];
+    let how = Deposit { walls: walls.clone(), ..Deposit::default() };
     let settled =
-        deposit(&region, &fill(&materials, radii, Amount::Count(500)), &Deposit::default(), &mut unobserved)
-            .unwrap();
-    let walls = container(&region, &[]);
-    // The sides of the region are no walls of the scene: their forces are found again.
-    assert!(settled.forces.iter().all(|f| matches!(f.partner, Partner::Grain(_))));
+        deposit(&region, &fill(&materials, radii, Amount::Count(500)), &how, &mut unobserved).unwrap();
+    // The sides of the region come before the walls given and are none of them: the first of these is the floor.
+    let on_walls = || settled.forces.iter().filter(|f| !matches!(f.partner, Partner::Grain(_)));
+    assert!(on_walls().all(|f| f.partner == Partner::Wall(0)));
+    let carried = -on_walls().map(|f| f.force.y).sum::<f64>();
+    let weight = 9.81 * settled.particles.mass.iter().sum::<f64>();
+    assert!(carried > 0.5 * weight && carried < 1.01 * weight, "{carried} of {weight}");
     let sweeps = |warm: bool| {
-        let walls = walls.iter().map(|side| Wall { friction: 0.3, ..side.clone() }).collect();
+        let sides = container(&region, &walls).into_iter().map(|side| Wall { friction: 0.3, ..side });
+        let walls = walls.iter().cloned().chain(sides).collect();
         let grains = settled.particles.clone().rotating();
         let mut dem = Dem::new(grains, walls, materials.to_vec(), Settings::default()).unwrap();
         if warm {
