@@ -44,8 +44,6 @@ pub struct Around<'a, const D: usize, const B: usize> {
     pub geometry: &'a Geometry<D, B>,
     /// Its conditions.
     pub conditions: &'a [Condition<D>],
-    /// What holds the velocity of each node.
-    pub holds: &'a [Option<Hold<D>>],
     /// Nodal voidage.
     pub voidage: &'a [f64],
 }
@@ -63,48 +61,35 @@ impl<const D: usize, const B: usize> Around<'_, D, B> {
     /// Adds to the flow equations <<eps u . n, q>> of every facet, and of open ones
     /// <<p_out n, v>> - <<eps rho min((u_n - u_mesh) . n, 0) u, v>>.
     ///
-    /// Only open facets have velocities that are not held. On all others the flux is known and goes to the right: that
-    /// of the held velocity, and where only the normal direction is held that of the wall, which on a curved wall and
-    /// with a voidage that varies is not quite that of the nodal velocities. No fluid is lost through a wall then, and
-    /// the equations of mass in a closed domain add up to what is prescribed. Of a moving wall the whole mixture moves
-    /// on, <<u_mesh . n, q>>, the solid as well as the fluid.
+    /// Through all others passes what the scene says, facet by facet, and goes to the right: the velocity of the
+    /// condition of the facet, not those of its nodes, which at the end of a part belong to a neighbour. So the flux
+    /// through a part depends neither on the mesh nor on the order of the conditions, no fluid is lost through a wall,
+    /// and the equations of mass in a closed domain add up to what is prescribed. Of a moving wall the whole mixture
+    /// moves on, <<u_mesh . n, q>>, the solid as well as the fluid.
     pub fn add_flow(&self, density: f64, velocity: &[Vector<D>], system: &mut System<B>) -> Through {
         let mut through = Through::default();
         for condition in self.conditions {
             for nodes in facets(&self.geometry.mesh, &condition.boundary) {
                 let facet = Facet::new(&self.geometry.mesh, nodes);
-                match condition.flow {
+                let voidage = |phi: &[f64; 3]| facet.at(phi, |node| self.voidage[node]);
+                let mut add = |share: &dyn Fn(&[f64; 3]) -> f64, value: &dyn Fn(usize) -> Vector<D>| {
+                    add_known(&facet, share, value, &mut through, system);
+                };
+                match &condition.flow {
                     FlowCondition::Open { pressure } => {
-                        self.add_open(&facet, pressure, density, velocity, system);
+                        self.add_open(&facet, *pressure, density, velocity, system);
                     }
+                    FlowCondition::Velocity(value) => add(&voidage, &|node| value.at(node)),
+                    FlowCondition::SuperficialVelocity(value) => add(&|_| 1.0, &|node| value.at(node)),
                     FlowCondition::NoSlip | FlowCondition::Slip => {
-                        self.add_known(&facet, true, &mut through, system)
+                        if let Some(moving) = self.geometry.motion() {
+                            add(&|_| 1.0, &|node| moving[node]);
+                        }
                     }
-                    _ => self.add_known(&facet, false, &mut through, system),
                 }
             }
         }
         through
-    }
-
-    fn add_known(&self, facet: &Facet<'_, D>, wall: bool, through: &mut Through, system: &mut System<B>) {
-        let voidage = |phi: &[f64; 3]| facet.at(phi, |node| self.voidage[node]);
-        let mut add = |row: u32, flux: Vector<D>| {
-            system.rhs[B * row as usize + D] -= flux.dot(&facet.normal);
-            through.net += flux.dot(&facet.normal);
-            through.gross += flux.norm();
-        };
-        facet.mass(voidage, |row, column, integral| {
-            if let Some(hold) = &self.holds[column as usize] {
-                add(row, hold.velocity() * integral);
-            }
-        });
-        if let Some(moving) = self.geometry.motion().filter(|_| wall) {
-            facet.mass(
-                |phi| 1.0 - voidage(phi),
-                |row, column, integral| add(row, moving[column as usize] * integral),
-            );
-        }
     }
 
     fn add_open(
@@ -141,6 +126,51 @@ impl<const D: usize, const B: usize> Around<'_, D, B> {
             }
         });
     }
+}
+
+/// Takes <<share value . n, q>> of a facet to the right of the equations of mass.
+fn add_known<const D: usize, const B: usize>(
+    facet: &Facet<'_, D>,
+    share: &dyn Fn(&[f64; 3]) -> f64,
+    value: &dyn Fn(usize) -> Vector<D>,
+    through: &mut Through,
+    system: &mut System<B>,
+) {
+    facet.mass(share, |row, column, integral| {
+        let flux = value(column as usize) * integral;
+        system.rhs[B * row as usize + D] -= flux.dot(&facet.normal);
+        through.net += flux.dot(&facet.normal);
+        through.gross += flux.norm();
+    });
+}
+
+/// Volume of fluid that leaves through the part of a condition per time, m3/s (m2/s in the plane), as the equations of mass
+/// have it: where a velocity is prescribed the number of the condition, through a wall none, through an open part
+/// <<eps u . n>> of the nodal voidage and velocity.
+pub fn outflow<const D: usize>(
+    mesh: &Mesh<D>,
+    condition: &Condition<D>,
+    voidage: &[f64],
+    velocity: &[Vector<D>],
+) -> f64 {
+    let through = |nodes: &[u32]| {
+        let facet = Facet::new(mesh, nodes);
+        let share = |phi: &[f64; 3]| facet.at(phi, |node| voidage[node]);
+        let mut sum = 0.0;
+        let mut add = |share: &dyn Fn(&[f64; 3]) -> f64, value: &dyn Fn(usize) -> Vector<D>| {
+            facet.mass(share, |_, node, integral| {
+                sum += value(node as usize).dot(&facet.normal) * integral;
+            });
+        };
+        match &condition.flow {
+            FlowCondition::Open { .. } => add(&share, &|node| velocity[node]),
+            FlowCondition::Velocity(value) => add(&share, &|node| value.at(node)),
+            FlowCondition::SuperficialVelocity(value) => add(&|_| 1.0, &|node| value.at(node)),
+            FlowCondition::NoSlip | FlowCondition::Slip => {}
+        }
+        sum
+    };
+    facets(mesh, &condition.boundary).map(through).sum()
 }
 
 /// Puts the velocity conditions into the momentum equations: rows of fixed nodes become u = value; where only

@@ -99,16 +99,6 @@ pub enum Hold<const D: usize> {
     },
 }
 
-impl<const D: usize> Hold<D> {
-    /// A velocity with the components that are held, m/s: with it goes what passes the boundary.
-    pub fn velocity(&self) -> Vector<D> {
-        match self {
-            Hold::Fixed(value) => *value,
-            Hold::Normal { wall, .. } => *wall,
-        }
-    }
-}
-
 /// Checks that every part of the boundary has exactly one condition and that every condition has a part.
 pub fn check<const D: usize>(mesh: &Mesh<D>, conditions: &[Condition<D>]) -> Result<()> {
     let known = || mesh.boundaries.iter().map(|b| format!("`{}`", b.name)).collect::<Vec<_>>().join(", ");

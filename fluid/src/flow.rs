@@ -310,7 +310,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         self.assemble_flow(iteration, dt, voidage, exchange);
         let geometry = &self.geometry;
         conditions::holds(&geometry.mesh, conditions, voidage, geometry.motion(), &mut self.holds);
-        let around = boundary::Around { geometry, conditions, holds: &self.holds, voidage };
+        let around = boundary::Around { geometry, conditions, voidage };
         let through = around.add_flow(self.properties.density, &self.state.velocity, &mut self.system);
         boundary::apply_holds(&self.holds, &mut self.system);
         let closed = !conditions.iter().any(|c| matches!(c.flow, FlowCondition::Open { .. }));

@@ -74,9 +74,9 @@ def test_a_closed_box_with_a_net_flux_is_refused():
     conditions[0] = Condition("x0", Velocity(np.array([1.0, 0.0])))
     voidage = np.ones(16)
     with pytest.raises(ValueError, match="no boundary is open"):
-        balance(box, Holds(box, conditions, voidage), Step(0.1, conditions, voidage))
+        balance(box, Step(0.1, conditions, voidage))
     conditions[1] = Condition("x1", Velocity(np.array([1.0, 0.0])))
-    net = balance(box, Holds(box, conditions, voidage), Step(0.1, conditions, voidage))
+    net = balance(box, Step(0.1, conditions, voidage))
     assert abs(net) < 1e-15
 
 

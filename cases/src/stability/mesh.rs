@@ -98,20 +98,12 @@ fn swap_renewal(system: &mut Coupled<2>, renewal: &mut Option<Renewal<2>>) {
     }
 }
 
-/// Volume of fluid per time and depth that leaves through a boundary, m2/s: the integral of eps u . n of nodal eps and u.
+/// Volume of fluid per time and depth that leaves through a boundary, m2/s.
 pub(super) fn outflow(system: &mut Coupled<2>, boundary: &str) -> Result<f64> {
     let (Some(fluid), Some(both)) = (&mut system.fluid, &system.interaction) else { return Ok(f64::NAN) };
     let velocity = fluid.backend.fields()?.velocity;
-    let (mesh, voidage) = (&fluid.mesh, &both.load.voidage);
-    let facets = &mesh.boundary(boundary)?.facets;
-    Ok(facets
-        .chunks_exact(2)
-        .map(|facet| {
-            let [a, b] = [facet[0] as usize, facet[1] as usize];
-            let along = mesh.points[b] - mesh.points[a];
-            let outward = Vec2::new(along.y, -along.x);
-            let flux = |k: usize, l: usize| voidage[k] * velocity[l].dot(&outward);
-            (flux(a, a) + flux(b, b)) / 3.0 + (flux(a, b) + flux(b, a)) / 6.0
-        })
-        .sum())
+    let condition = fluid.conditions.iter().find(|condition| condition.boundary == boundary);
+    Ok(condition.map_or(f64::NAN, |condition| {
+        voidage_fluid::boundary::outflow(&fluid.mesh, condition, &both.load.voidage, &velocity)
+    }))
 }

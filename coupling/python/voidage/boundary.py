@@ -122,7 +122,7 @@ def hold_flow(problem: Problem, cells: Cells, step: Step) -> tuple[Floats, Float
     spread = 0.0
     if is_closed(step.conditions):
         free[0, dimension, dimension] = 0
-        excess = balance(problem, holds, step)
+        excess = balance(problem, step)
         if step.sources is not None:
             excess -= cells.nodal_volume @ step.sources.mass
         spread = excess / cells.volume
@@ -141,33 +141,43 @@ def hold_heat(problem: Problem, conditions: Sequence[Condition]) -> tuple[Floats
     return free, value
 
 
-def balance(problem: Problem, holds: Holds, step: Step) -> float:
+def passing(problem: Problem, condition: Condition, motion: Motion | None) -> tuple[Floats, bool]:
+    """What the scene lets pass a part that is not open, (n, D), m/s: and whether it is a velocity of
+    the fluid, which takes the voidage, or of the whole mixture.
+
+    It is that of the condition of the part, not of its nodes, which at the end of a part belong to a
+    neighbour: so the flux depends neither on the mesh nor on the order of the conditions. Of a moving
+    wall the solid moves on as well as the fluid.
+    """
+    match condition.flow:
+        case Velocity(value):
+            return np.broadcast_to(value, problem.points.shape), True
+        case SuperficialVelocity(value):
+            return np.broadcast_to(value, problem.points.shape), False
+    still = np.zeros(problem.points.shape)
+    return (still if motion is None else motion.velocity), False
+
+
+def balance(problem: Problem, step: Step) -> float:
     """What the velocities prescribed all around let out, and walls push out, less what they let in.
 
     Raises ``ValueError`` if that is more than round-off.
     """
     net = gross = 0.0
-    moving = {} if step.motion is None else {c.boundary for c in step.conditions if is_wall(c)}
-    for name, facets in problem.boundaries.items():
-        # Facet integrals of eps phi_b: int phi_a phi_b = measure (1 + delta_ab) / (D (D + 1)).
+    for condition in step.conditions:
+        facets = problem.boundaries[condition.boundary]
+        # Facet integrals of phi_a phi_b: measure (1 + delta_ab) / (D (D + 1)).
         dimension = facets.shape[1]
         mass = (1 + np.eye(dimension)) / (dimension * (dimension + 1))
         normal = area_vectors(problem.points, facets)
-        flows = [(step.voidage, holds.value)]
-        if name in moving:
-            flows.append((1 - step.voidage, step.motion.velocity))
-        for share, velocity in flows:
-            flux = np.einsum("fa,ab,fbi->fbi", share[facets], mass, velocity[facets])
-            net += np.einsum("fbi,fi->", flux, normal)
-            gross += (np.linalg.norm(flux, axis=2).sum(axis=1) @ np.linalg.norm(normal, axis=1))
+        velocity, of_fluid = passing(problem, condition, step.motion)
+        share = step.voidage if of_fluid else np.ones_like(step.voidage)
+        flux = np.einsum("fa,ab,fbi->fbi", share[facets], mass, velocity[facets])
+        net += np.einsum("fbi,fi->", flux, normal)
+        gross += (np.linalg.norm(flux, axis=2).sum(axis=1) @ np.linalg.norm(normal, axis=1))
     if abs(net) > 1e-9 * gross:
         raise ValueError(
             f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out "
             "than in; open one"
         )
     return net
-
-
-def is_wall(condition: Condition) -> bool:
-    """Whether nothing passes a part of the boundary."""
-    return isinstance(condition.flow, NoSlip | Slip)

@@ -22,10 +22,20 @@ from mpi4py import MPI
 from ufl import div, dot, grad, inner, transpose
 
 from . import compat
-from .boundary import hold_flow, hold_heat, is_wall
+from .boundary import hold_flow, hold_heat, passing
 from .finite_elements import FiniteElements, FlowData
 from .pieces import PieceSums
-from .solver import Condition, Floats, Newton, Open, OpenHeat, Problem, Report, Step
+from .solver import (
+    Condition,
+    Floats,
+    Newton,
+    Open,
+    OpenHeat,
+    Problem,
+    Report,
+    Step,
+    Velocity,
+)
 
 QUADRATURE = {"quadrature_degree": 4}
 """For cells and for facets, where it matters: the upwind terms are no polynomials."""
@@ -78,10 +88,13 @@ class FEniCSx(FiniteElements):
     def _flow(
         self, step: Step, sums: PieceSums | None, data: FlowData, about: Floats, report: Report
     ) -> tuple[Floats, Floats]:
-        kinds = tuple((c.boundary, isinstance(c.flow, Open), is_wall(c)) for c in step.conditions)
+        kinds = tuple(
+            (c.boundary, isinstance(c.flow, Open), isinstance(c.flow, Velocity))
+            for c in step.conditions
+        )
         system = self._system(FlowSystem, kinds, step)
         free, value, spread = hold_flow(self.problem, self.cells, step)
-        system.fill(step, data, about, value[:, :-1], spread)
+        system.fill(step, data, about, spread)
         blocks = None
         if sums is not None:
             grains = sums.flow(data.stabilisation, self.problem.density, data.weight)
@@ -130,7 +143,9 @@ class FlowSystem:
             fem.Constant(layout.domain, value)
             for value in (problem.density, problem.viscosity, problem.thin_cell_drag)
         )
-        self.at, self.weight, self.solid_flux, self.known = (layout.nodal(D) for _ in range(4))
+        self.problem = problem
+        self.at, self.weight, self.solid_flux = (layout.nodal(D) for _ in range(3))
+        self.passing = {name: layout.nodal(D) for name, is_open, _ in kinds if not is_open}
         self.share, self.xi, self.xi_c = layout.nodal(), layout.cellwise(), layout.cellwise()
         self.xi_U, self.source_u, self.source_p = (
             layout.cellwise(D),
@@ -166,27 +181,21 @@ class FlowSystem:
                 dot(self.source_u, v + weighed) * dx
                 + self.source_p * (q + rho * xi_c * div(v)) * dx
             )
-        for name, is_open, is_wall in kinds:
+        for name, is_open, of_fluid in kinds:
             part = ds(solver.part[name])
             if is_open:
                 matrix += eps * dot(u, n) * q * part
                 matrix -= rho * eps * ufl.min_value(dot(inflow, n), 0) * dot(u, v) * part
                 rhs -= self.pressure[name] * dot(n, v) * part
                 continue
-            # What passes is known; of a moving wall the solid moves on as well as the fluid.
-            rhs -= eps * dot(self.known, n) * q * part
-            if moving and is_wall:
-                rhs -= (1 - eps) * dot(solver.mesh_velocity, n) * q * part
+            rhs -= (eps if of_fluid else 1) * dot(self.passing[name], n) * q * part
         self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative")
 
-    def fill(
-        self, step: Step, data: FlowData, about: Floats, known: Floats, spread: float
-    ) -> None:
+    def fill(self, step: Step, data: FlowData, about: Floats, spread: float) -> None:
         """Takes the coefficients of a Newton step."""
         self.spread.value = spread
         nodal = [
             (self.at, about),
-            (self.known, known),
             (self.weight, data.weight),
             (self.share, data.share),
             (self.solid_flux, data.solid_flux),
@@ -202,6 +211,9 @@ class FlowSystem:
         for condition in step.conditions:
             if isinstance(condition.flow, Open):
                 self.pressure[condition.boundary].value = condition.flow.pressure
+            else:
+                velocity, _ = passing(self.problem, condition, step.motion)
+                self.layout.fill(self.passing[condition.boundary], velocity)
 
 
 class HeatSystem:

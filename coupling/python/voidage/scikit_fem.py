@@ -31,7 +31,7 @@ from skfem import (
 )
 from skfem.helpers import ddot, div, dot, grad, mul, transpose
 
-from .boundary import hold_flow, hold_heat, is_wall
+from .boundary import hold_flow, hold_heat, passing
 from .finite_elements import NEARLY_SINGULAR, FiniteElements, FlowData
 from .pieces import PieceSums
 from .solver import Condition, Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step
@@ -186,7 +186,7 @@ class ScikitFem(FiniteElements):
         A, b = matrix.assemble(self.mixed), rhs.assemble(self.mixed)
         for condition in step.conditions:
             facets = self.facets[condition.boundary]
-            A, b = self._add_boundary(A, b, condition, facets, step, value[:, :-1])
+            A, b = self._add_boundary(A, b, condition, facets, step)
         if sums is not None:
             blocks, loads = sums.flow(data.stabilisation, rho, data.weight)
             A, b = _add_blocks(A, b, problem.cells[sums.cells], blocks, loads)
@@ -201,12 +201,10 @@ class ScikitFem(FiniteElements):
         condition: Condition,
         facets: Facets,
         step: Step,
-        known: Floats,
     ) -> tuple[Sparse, Floats]:
         """<<eps u . n, q>>, and if open <<p_out n, v>> - <<eps rho min(wind . n, 0) u, v>>.
 
-        Where the boundary is not open, what passes is known; of a moving wall the solid moves on as
-        well as the fluid.
+        Where the boundary is not open, what passes is known.
         """
         eps, basis, flow = facets.scalar.interpolate(step.voidage), facets.mixed, condition.flow
         if isinstance(flow, Open):
@@ -214,9 +212,8 @@ class ScikitFem(FiniteElements):
             taken = -self.problem.density * eps * facets.inflow(self._wind(step))
             A = A + BilinearForm(lambda u, p, v, q, w: taken * dot(u, v)).assemble(basis)
             return A, b - LinearForm(lambda v, q, w: flow.pressure * dot(w.n, v)).assemble(basis)
-        flux = eps * facets.vector.interpolate(known.ravel())
-        if step.motion is not None and is_wall(condition):
-            flux = flux + (1 - eps) * facets.vector.interpolate(step.motion.velocity.ravel())
+        velocity, of_fluid = passing(self.problem, condition, step.motion)
+        flux = (eps if of_fluid else 1) * facets.vector.interpolate(velocity.ravel())
         return A, b - LinearForm(lambda v, q, w: dot(flux, w.n) * q).assemble(basis)
 
 
