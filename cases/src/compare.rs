@@ -217,7 +217,7 @@ fn write_rows(path: &Path, step: f64, findings: &[Finding]) -> Result<()> {
                 step: finding.step,
                 time_s: finding.step as f64 * step,
                 fluid: &finding.solver,
-                quantity: difference.quantity,
+                quantity: &difference.quantity,
                 relative_l2_difference: difference.l2,
                 relative_max_difference: difference.max,
             };

@@ -1,18 +1,18 @@
 //! Small systems whose exact behaviour is known: what verification, the map of stability and the tests are made of.
 
 use nalgebra::SVector;
-use std::sync::Arc;
-use voidage_coupling::backend::{FluidBackend, FluidStep, RustFluid};
+use voidage_coupling::backend::{FluidStep, Model, RustFluid};
 use voidage_coupling::closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Result};
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
-use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition};
-use voidage_fluid::exchange::AtBodies;
-use voidage_fluid::flow::{HeatProperties, Numerics, State};
+use voidage_fluid::conditions::{Condition, FlowCondition};
+use voidage_fluid::flow::{Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::mesh::{Boundary, Diagonals, Rectangle, Side, Sides, Structured};
+use voidage_fluid::transport::Scalar;
 use voidage_fluid::{Flow, Mesh};
 
 /// A vector of the plane.
@@ -87,8 +87,8 @@ fn box_of(upper: [f64; 2]) -> Rectangle {
 pub struct FluidSet {
     /// Density and so on.
     pub properties: Properties<2>,
-    /// Heat, if any.
-    pub heat: Option<HeatProperties>,
+    /// What it transports; the temperature first, if it has one.
+    pub scalars: Vec<Scalar>,
     /// Condition of each side.
     pub conditions: Vec<Condition<2>>,
     /// Solvers.
@@ -108,12 +108,12 @@ impl FluidSet {
         let conditions = ["left", "right", "bottom", "top"].map(|side| Condition {
             boundary: side.into(),
             flow: FlowCondition::NoSlip,
-            heat: HeatCondition::Adiabatic,
+            scalars: vec![],
         });
         let mut numerics = Numerics::default();
         numerics.flow.tolerance = 1e-12;
-        numerics.heat.tolerance = 1e-13;
-        Self { properties, heat: None, conditions: conditions.to_vec(), numerics }
+        numerics.scalars.tolerance = 1e-13;
+        Self { properties, scalars: vec![], conditions: conditions.to_vec(), numerics }
     }
 
     /// The flow condition of a side.
@@ -124,39 +124,29 @@ impl FluidSet {
 
     /// The equations alone on a mesh, with the given fields at the start: no backend around them.
     pub fn equations(&self, mesh: Mesh<2>, start: State<2>) -> Result<Flow<2, 3>> {
-        let (properties, heat) = (self.properties.clone(), self.heat.clone());
-        Ok(Flow::new(mesh, properties, heat, &self.conditions, start, &self.numerics)?)
+        let properties = self.properties.clone();
+        Ok(Flow::new(mesh, properties, &self.scalars, &self.conditions, start, &self.numerics)?)
     }
 
     /// The fluid on a mesh, with the given fields at the start.
     pub fn build(&self, mesh: Mesh<2>, start: State<2>) -> Result<Fluid<2>> {
-        let mesh = Arc::new(mesh);
-        let mut backend = RustFluid::<2, 3>::new(
-            self.properties.clone(),
-            self.heat.clone(),
-            self.numerics.clone(),
-            self.conditions.clone(),
-        );
-        backend.start(&mesh, &start)?;
-        let nodal_volume = mesh.nodal_volume();
-        Ok(Fluid {
-            backend: Box::new(backend),
-            mesh,
+        let backend = RustFluid::<2, 3>::new(Model {
+            properties: self.properties.clone(),
+            scalars: self.scalars.clone(),
+            numerics: self.numerics.clone(),
             conditions: self.conditions.clone(),
-            ramp: 0.0,
-            nodal_volume,
-            motion: None,
-            renewal: None,
-        })
+        });
+        let names = self.scalars.iter().map(|scalar| scalar.name.clone()).collect();
+        Fluid::new(Box::new(backend), mesh, start, names, self.conditions.clone())
     }
 
-    /// Fields at rest at a temperature (used with heat only).
-    pub fn rest(&self, mesh: &Mesh<2>, temperature: f64) -> State<2> {
+    /// Fields at rest, all scalars of one value.
+    pub fn rest(&self, mesh: &Mesh<2>, value: f64) -> State<2> {
         let nodes = mesh.points.len();
         State {
             velocity: vec![Vec2::zeros(); nodes],
             pressure: vec![0.0; nodes],
-            temperature: self.heat.as_ref().map(|_| vec![temperature; nodes]),
+            scalars: vec![vec![value; nodes]; self.scalars.len()],
         }
     }
 
@@ -169,7 +159,7 @@ impl FluidSet {
         scheme: SchemeName,
     ) -> Result<Coupled<2>> {
         let count = grains.particles.len();
-        let at = AtBodies {
+        let at = AtGrains {
             velocity: vec![Vec2::zeros(); count],
             pressure_gradient: vec![Vec2::zeros(); count],
             temperature: vec![0.0; if laws.thermal.is_some() { count } else { 0 }],
@@ -297,9 +287,10 @@ pub fn three_per_cell(mesh: &Mesh<2>) -> Vec<Vec2> {
 pub fn steps_alone(fluid: &mut Fluid<2>, dt: f64, count: u64) -> Result<()> {
     for number in 1..=count {
         let time = (number - 1) as f64 * dt;
-        let step = FluidStep { number, time, dt, grains: None, conditions: &fluid.conditions, motion: None };
-        fluid.backend.solve(&step, &mut AtBodies::default())?;
-        fluid.backend.accept();
+        let step =
+            FluidStep { number, time, dt, immersed: None, conditions: &fluid.conditions, motion: None };
+        fluid.backend.solve(&step, &mut fluid.solution)?;
+        fluid.accept();
     }
     Ok(())
 }
@@ -328,8 +319,8 @@ impl SlipBox {
     pub fn new(scheme: SchemeName) -> Result<Self> {
         let (rho_f, eta, rho_s, radius, phi) = (3.0, 1e-2, 7.0, 0.01, 0.4);
         let mut set = FluidSet::new(rho_f, eta);
-        let (flow, heat) = (FlowCondition::Slip, HeatCondition::Adiabatic);
-        set.conditions = vec![Condition { boundary: "rim".into(), flow, heat }];
+        let flow = FlowCondition::Slip;
+        set.conditions = vec![Condition { boundary: "rim".into(), flow, scalars: vec![] }];
         let mesh = cake(24);
         let start = set.rest(&mesh, 0.0);
         let mut grains = grains(three_per_cell(&mesh), radius, Material::default(), weightless())?;
@@ -351,7 +342,7 @@ impl SlipBox {
     pub fn slip(&mut self) -> Result<f64> {
         let mut turn = 0.0;
         if let Some(fluid) = &mut self.system.fluid {
-            turn = fluid.backend.fields()?.velocity[1].y;
+            turn = fluid.accepted.velocity[1].y;
         }
         if let Some(grains) = &self.system.grains {
             let (x, v) = (grains.particles.position[10], grains.particles.velocity[10]);

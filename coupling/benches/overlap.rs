@@ -4,8 +4,8 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::f64::consts::PI;
 use std::time::Instant;
+use voidage_coupling::exchange::Pieces;
 use voidage_coupling::overlap::{Overlap, voidage};
-use voidage_fluid::exchange::Pieces;
 use voidage_fluid::mesh::{Mesh, Rectangle, Sides};
 use voidage_fluid::{Result, Vector};
 
@@ -43,24 +43,27 @@ fn overlaps(criterion: &mut Criterion) {
     let mesh = mesh().expect("the description is valid");
     let positions = grains();
     let radii = vec![0.5e-3; positions.len()];
-    let (mut overlap, mut pieces) = (Overlap::new(&mesh).expect("the mesh is whole"), Pieces::default());
+    let mut overlap = Overlap::new(&mesh).expect("the mesh is whole");
+    let (mut pieces, mut inside) = (Pieces::default(), Vec::new());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    let report = pool.install(|| overlap.cut(&mesh, &positions, &radii, &mut pieces)).expect("all inside");
+    let report = pool
+        .install(|| overlap.cut(&mesh, &positions, &radii, &mut pieces, &mut inside))
+        .expect("all inside");
     println!("{} nodes, {} cells, {report:?}", mesh.points.len(), mesh.cell_count());
 
     // The best of many is the time of a quiet machine, also on a busy one.
     let best = (0..500).map(|_| {
         let start = Instant::now();
-        let _ = pool.install(|| overlap.cut(&mesh, &positions, &radii, &mut pieces));
+        let _ = pool.install(|| overlap.cut(&mesh, &positions, &radii, &mut pieces, &mut inside));
         start.elapsed()
     });
     println!("best of 500: {:?}", best.min());
 
     criterion.bench_function("cut, one thread", |b| {
-        pool.install(|| b.iter(|| overlap.cut(&mesh, &positions, &radii, &mut pieces)));
+        pool.install(|| b.iter(|| overlap.cut(&mesh, &positions, &radii, &mut pieces, &mut inside)));
     });
     criterion.bench_function("cut, all threads", |b| {
-        b.iter(|| overlap.cut(&mesh, &positions, &radii, &mut pieces));
+        b.iter(|| overlap.cut(&mesh, &positions, &radii, &mut pieces, &mut inside));
     });
     let volume: Vec<f64> = radii.iter().map(|r| PI * r * r).collect();
     let (nodal, mut eps) = (mesh.nodal_volume(), Vec::new());
@@ -68,7 +71,7 @@ fn overlaps(criterion: &mut Criterion) {
     let big = vec![15e-3; 16];
     let few: Vec<_> = (0..16).map(|k| Vector::<2>::new(0.04, 0.02 + 0.01 * k as f64)).collect();
     criterion.bench_function("cut, 16 discs of 30 mm, one thread", |b| {
-        pool.install(|| b.iter(|| overlap.cut(&mesh, &few, &big, &mut pieces)));
+        pool.install(|| b.iter(|| overlap.cut(&mesh, &few, &big, &mut pieces, &mut inside)));
     });
 }
 

@@ -1,7 +1,7 @@
 //! How far grains and fluid are from each other at the end of a step, and what is carried to the next.
 
 use crate::Interaction;
-use crate::backend::{GrainLoad, HeatLoad};
+use crate::load::{GrainLoad, HeatLoad};
 use serde::{Deserialize, Serialize};
 use voidage_dem::{Dem, Vector};
 
@@ -14,13 +14,27 @@ pub struct Carried<const D: usize> {
     pub displacement: Vec<Vector<D>>,
     /// hA (T* - T) dt, J by grain; empty without heat.
     pub heat: Vec<f64>,
+    /// Sums of impulse (N s) and heat (J) at the last accepted part of a step.
+    accepted: (Vector<D>, f64),
 }
 
 impl<const D: usize> Carried<D> {
     /// Nothing, as yet.
     pub(crate) fn none(grains: usize, heat: bool) -> Self {
         let none = vec![Vector::zeros(); grains];
-        Self { impulse: none.clone(), displacement: none, heat: vec![0.0; if heat { grains } else { 0 }] }
+        Self {
+            impulse: none.clone(),
+            displacement: none,
+            heat: vec![0.0; if heat { grains } else { 0 }],
+            accepted: (Vector::zeros(), 0.0),
+        }
+    }
+
+    /// By how much the sums of impulse (N s) and heat (J) have grown since this was last asked.
+    pub(crate) fn change(&mut self) -> (Vector<D>, f64) {
+        let now = (self.impulse.iter().sum::<Vector<D>>(), self.heat.iter().sum::<f64>());
+        let before = std::mem::replace(&mut self.accepted, now);
+        (now.0 - before.0, now.1 - before.1)
     }
 }
 

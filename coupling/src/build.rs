@@ -1,23 +1,22 @@
 //! From a scene to the system that it describes.
 
-use crate::backend::{FluidBackend, RustFluid};
+use crate::backend::{FluidBackend, Model, RustFluid};
 use crate::closure::ThermalFluid;
 use crate::error::{Error, Result};
+use crate::exchange::AtGrains;
 use crate::launch::{self, Host};
 use crate::motion::Swing;
 use crate::placing::{Placed, Placing};
 use crate::protocol::Setup;
 use crate::renewal::Renewal;
 use crate::scene::{self, Scene};
-use crate::{Coupled, Fluid, Interaction, Laws};
-use std::sync::Arc;
+use crate::{Coupled, Fluid, Interaction, Laws, TEMPERATURE};
 use voidage_dem::{Conduction, ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
-use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::exchange::AtBodies;
-use voidage_fluid::flow::{HeatProperties, Numerics, State};
+use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
+use voidage_fluid::flow::{Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::linear::{Method, Options};
-use voidage_fluid::transport::{Scalar, ThinCellHeat};
+use voidage_fluid::transport::{Form, Scalar, ThinCell};
 use voidage_fluid::{Mesh, Vector};
 
 /// The system of a plane scene, at time zero; `host` starts a fluid solver in another process, if the scene has one.
@@ -71,7 +70,7 @@ fn interaction(
         thermal,
     };
     let count = grains.particles.len();
-    let at = AtBodies {
+    let at = AtGrains {
         velocity: vec![initial_velocity(described); count],
         pressure_gradient: vec![Vector::zeros(); count],
         temperature: match (&thermal, &described.heat) {
@@ -206,21 +205,23 @@ pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2>
 // ----------------------------------------------------------------------------------------------- fluid
 
 fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2>> {
-    let mesh = Arc::new(mesh(scene, described)?);
-    let conditions: Vec<Condition<2>> = described.boundaries.iter().map(condition).collect();
+    let mesh = mesh(scene, described)?;
     let nodes = mesh.points.len();
+    let temperature = described.heat.iter().map(|heat| heat.initial_temperature);
+    let initial = temperature.chain(described.scalars.iter().map(|scalar| scalar.initial));
     let start = State {
         velocity: vec![initial_velocity(described); nodes],
         pressure: vec![0.0; nodes],
-        temperature: described.heat.as_ref().map(|heat| vec![heat.initial_temperature; nodes]),
+        scalars: initial.map(|value| vec![value; nodes]).collect(),
     };
-    let mut backend = backend(scene, host)?;
-    backend.start(&mesh, &start)?;
-    let nodal_volume = mesh.nodal_volume();
-    let motion = described.mesh_motion.as_ref().map(|motion| swing(scene, motion, &mesh)).transpose()?;
-    let remesh = described.mesh_motion.as_ref().and_then(|motion| motion.remesh);
-    let renewal = remesh.map(|when| Renewal::new(&mesh, when));
-    Ok(Fluid { backend, mesh, conditions, ramp: described.ramp, nodal_volume, motion, renewal })
+    let names = scalars(described).into_iter().map(|scalar| scalar.name).collect();
+    let mut fluid = Fluid::new(backend(scene, host)?, mesh, start, names, conditions(described))?;
+    fluid.ramp = described.ramp;
+    if let Some(motion) = &described.mesh_motion {
+        fluid.motion = Some(swing(scene, motion, &fluid.mesh)?);
+        fluid.renewal = motion.remesh.map(|when| Renewal::new(&fluid.mesh, when));
+    }
+    Ok(fluid)
 }
 
 fn swing(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Swing<2>> {
@@ -239,9 +240,14 @@ fn swing(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Sw
 
 /// All that the fluid solver of a scene is told once; `None` without fluid.
 pub fn setup(scene: &Scene) -> Option<Setup<2>> {
-    let fluid = scene.fluid.as_ref()?;
-    let conditions = fluid.boundaries.iter().map(condition).collect();
-    Some(Setup::new(properties(scene, fluid), heat(fluid), numerics(fluid), conditions))
+    scene.fluid.as_ref().map(|fluid| {
+        Setup::new(Model {
+            properties: properties(scene, fluid),
+            scalars: scalars(fluid),
+            numerics: numerics(fluid),
+            conditions: conditions(fluid),
+        })
+    })
 }
 
 /// The fluid solver that a scene asks for; it waits for its mesh.
@@ -256,10 +262,7 @@ pub fn backend(scene: &Scene, host: &Host) -> Result<Box<dyn FluidBackend<2>>> {
         Some(backend) if backend.solver != scene::Solver::Rust => {
             Ok(Box::new(launch::remote(backend, host, &setup)?))
         }
-        _ => {
-            let Setup { properties, heat, numerics, conditions, .. } = setup;
-            Ok(Box::new(RustFluid::<2, 3>::new(properties, heat, numerics, conditions)))
-        }
+        _ => Ok(Box::new(RustFluid::<2, 3>::new(setup.model))),
     }
 }
 
@@ -286,21 +289,33 @@ fn properties(scene: &Scene, fluid: &scene::Fluid) -> Properties<2> {
     }
 }
 
-fn heat(fluid: &scene::Fluid) -> Option<HeatProperties> {
-    let heat = fluid.heat.as_ref()?;
+/// The scalars of a fluid, the temperature first.
+fn scalars(fluid: &scene::Fluid) -> Vec<Scalar> {
+    let form = |form: scene::Form| match form {
+        scene::Form::Consistent => Form::Consistent,
+        scene::Form::Lumped => Form::Lumped,
+        scene::Form::Monotone => Form::Monotone,
+    };
     let thin_cell = fluid.thin_cell.as_ref().and_then(|cell| cell.heat.as_ref());
-    Some(HeatProperties {
-        scalar: Scalar {
-            capacity: fluid.density * heat.heat_capacity,
-            conductivity: heat.conductivity,
-            thin_cell: thin_cell
-                .map(|wall| ThinCellHeat { coefficient: wall.coefficient, temperature: wall.temperature }),
-            lumped: heat.lumped || heat.monotone,
-            monotone: heat.monotone,
-        },
+    let heat = fluid.heat.iter().map(|heat| Scalar {
+        name: TEMPERATURE.into(),
+        capacity: fluid.density * heat.heat_capacity,
+        conductivity: heat.conductivity,
+        thin_cell: thin_cell.map(|wall| ThinCell { coefficient: wall.coefficient, value: wall.temperature }),
+        form: form(heat.form),
         expansion: heat.expansion,
         reference: heat.reference_temperature.unwrap_or(heat.initial_temperature),
-    })
+    });
+    let others = fluid.scalars.iter().map(|scalar| Scalar {
+        name: scalar.name.clone(),
+        capacity: 1.0,
+        conductivity: scalar.diffusivity,
+        thin_cell: None,
+        form: form(scalar.form),
+        expansion: scalar.expansion,
+        reference: scalar.reference.unwrap_or(scalar.initial),
+    });
+    heat.chain(others).collect()
 }
 
 fn numerics(fluid: &scene::Fluid) -> Numerics {
@@ -314,32 +329,52 @@ fn numerics(fluid: &scene::Fluid) -> Numerics {
     Numerics {
         newton: fluid.solver.newton,
         flow: Options { method, tolerance, ..default.flow },
-        heat: Options { tolerance, ..default.heat },
+        scalars: Options { tolerance, ..default.scalars },
     }
 }
 
-fn condition(boundary: &scene::Boundary) -> Condition<2> {
+fn conditions(fluid: &scene::Fluid) -> Vec<Condition<2>> {
+    let of = |boundary: &scene::Boundary| {
+        let heat = fluid.heat.iter().map(|_| heat_condition(boundary.heat.as_ref()));
+        let others = fluid.scalars.iter().map(|s| scalar_condition(boundary.scalars.get(&s.name)));
+        Condition {
+            boundary: boundary.name.clone(),
+            flow: flow_condition(&boundary.flow),
+            scalars: heat.chain(others).collect(),
+        }
+    };
+    fluid.boundaries.iter().map(of).collect()
+}
+
+fn flow_condition(flow: &scene::Flow) -> FlowCondition<2> {
     let uniform = |v: &scene::Coordinates| Prescribed::Uniform(v.vector());
-    Condition {
-        boundary: boundary.name.clone(),
-        flow: match &boundary.flow {
-            scene::Flow::Velocity(v) => FlowCondition::Velocity(uniform(v)),
-            scene::Flow::SuperficialVelocity(v) => FlowCondition::SuperficialVelocity(uniform(v)),
-            scene::Flow::NoSlip => FlowCondition::NoSlip,
-            scene::Flow::Slip => FlowCondition::Slip,
-            scene::Flow::Open { pressure } => FlowCondition::Open { pressure: *pressure },
-        },
-        heat: match &boundary.heat {
-            None | Some(scene::HeatBoundary::Adiabatic) => HeatCondition::Adiabatic,
-            Some(scene::HeatBoundary::Temperature(value)) => {
-                HeatCondition::Temperature(Prescribed::Uniform(*value))
-            }
-            Some(scene::HeatBoundary::Newton { coefficient, temperature }) => {
-                HeatCondition::Newton { coefficient: *coefficient, temperature: *temperature }
-            }
-            Some(scene::HeatBoundary::Open { temperature }) => {
-                HeatCondition::Open { temperature: *temperature }
-            }
-        },
+    match flow {
+        scene::Flow::Velocity(v) => FlowCondition::Velocity(uniform(v)),
+        scene::Flow::SuperficialVelocity(v) => FlowCondition::SuperficialVelocity(uniform(v)),
+        scene::Flow::NoSlip => FlowCondition::NoSlip,
+        scene::Flow::Slip => FlowCondition::Slip,
+        scene::Flow::Open { pressure } => FlowCondition::Open { pressure: *pressure },
+    }
+}
+
+fn heat_condition(heat: Option<&scene::HeatBoundary>) -> ScalarCondition {
+    match heat {
+        None | Some(scene::HeatBoundary::Adiabatic) => ScalarCondition::Insulated,
+        Some(scene::HeatBoundary::Temperature(value)) => ScalarCondition::Value(Prescribed::Uniform(*value)),
+        Some(scene::HeatBoundary::Newton { coefficient, temperature }) => {
+            ScalarCondition::Transfer { coefficient: *coefficient, outside: *temperature }
+        }
+        Some(scene::HeatBoundary::Open { temperature }) => ScalarCondition::Outflow { outside: *temperature },
+    }
+}
+
+fn scalar_condition(scalar: Option<&scene::ScalarBoundary>) -> ScalarCondition {
+    match scalar {
+        None | Some(scene::ScalarBoundary::Insulated) => ScalarCondition::Insulated,
+        Some(scene::ScalarBoundary::Value(value)) => ScalarCondition::Value(Prescribed::Uniform(*value)),
+        Some(scene::ScalarBoundary::Transfer { coefficient, outside }) => {
+            ScalarCondition::Transfer { coefficient: *coefficient, outside: *outside }
+        }
+        Some(scene::ScalarBoundary::Outflow { outside }) => ScalarCondition::Outflow { outside: *outside },
     }
 }

@@ -1,7 +1,8 @@
 //! Everything between grains and fluid.
 //!
 //! [`Coupled`] holds what a scene has - grains, fluid, both - and advances it through a [`scheme`]. The seam
-//! is one affine closure ([`backend::GrainLoad`]) that every scheme fills and every fluid solver understands.
+//! is one affine law ([`load::GrainLoad`]) that every scheme fills, and every fluid solver gets as point terms
+//! ([`exchange`]).
 
 mod agreement;
 pub mod backend;
@@ -9,7 +10,9 @@ pub mod build;
 pub mod closure;
 pub mod compare;
 pub mod error;
+pub mod exchange;
 pub mod launch;
+pub mod load;
 pub mod motion;
 pub mod overlap;
 pub mod peer;
@@ -30,21 +33,28 @@ pub use error::{Error, PeerError, Result};
 pub use scene::Scene;
 pub use simulation::Simulation;
 
-use backend::{FluidBackend, FluidStep, GrainLoad, Immersed};
+use backend::{FluidBackend, FluidStep, Immersed, Solution};
 use closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use exchange::{AtGrains, OnMesh, Rigid};
+use load::{GrainLoad, HeatLoad};
 use motion::Swing;
 use overlap::Overlap;
 use rayon::prelude::*;
 use renewal::Renewal;
 use scheme::Scheme;
 use scheme::anchored::Push;
-use std::sync::Arc;
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
 use voidage_fluid::conditions::{Condition, FlowCondition};
-use voidage_fluid::exchange::{AtBodies, at_piece};
-use voidage_fluid::flow::Numerics;
+use voidage_fluid::flow::{Numerics, State};
+use voidage_fluid::points::Points;
 use voidage_fluid::{Mesh, Vector};
+
+/// Place of the temperature among the scalars of a fluid with heat.
+pub const HEAT: usize = 0;
+
+/// Name of the temperature among the scalars.
+pub const TEMPERATURE: &str = "temperature";
 
 /// Wall time of the phases of a step, s.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
@@ -104,12 +114,12 @@ pub struct StepReport {
     pub grains: Option<voidage_dem::StepReport>,
     /// The fluid solver; absent without.
     pub fluid: Option<voidage_fluid::flow::Report>,
-    /// |force on the grains - force lost by the fluid| over the sum of |force| of the grains; with both only, and if the
-    /// fluid sums what it loses.
+    /// |impulse that the grains got - impulse that the fluid lost at its points - change of what is carried to the next step|
+    /// over the sum of |impulse| of the grains; with both only. The worst part of the step.
     pub momentum_exchange_defect: Option<f64>,
     /// The same for heat; with heat in both only.
     pub energy_exchange_defect: Option<f64>,
-    /// Solid volume on the mesh against the grains', relative; with both only.
+    /// Share of the solid volume that lies outside of the mesh, so that the fluid does not meet it; with both only.
     pub solid_volume_defect: Option<f64>,
     /// How far the grains are from what the fluid expected; with both only.
     pub agreement: Option<Agreement>,
@@ -130,7 +140,13 @@ pub struct Fluid<const D: usize> {
     /// The solver.
     pub backend: Box<dyn FluidBackend<D>>,
     /// Its mesh.
-    pub mesh: Arc<Mesh<D>>,
+    pub mesh: Mesh<D>,
+    /// Nodal fields at the last accepted step.
+    pub accepted: State<D>,
+    /// What the solver answered last.
+    pub solution: Solution<D>,
+    /// Names of its scalars.
+    pub scalars: Vec<String>,
     /// Conditions at full strength.
     pub conditions: Vec<Condition<D>>,
     /// Time over which prescribed velocities grow linearly from zero, s; 0 for at once.
@@ -141,6 +157,72 @@ pub struct Fluid<const D: usize> {
     pub motion: Option<Swing<D>>,
     /// How it is made anew; absent if it never is.
     pub renewal: Option<Renewal<D>>,
+    /// Which mesh the solver has.
+    generation: u32,
+    /// Whether the nodes have left the places that they had when the solver got them.
+    moved: bool,
+}
+
+impl<const D: usize> Fluid<D> {
+    /// A fluid on a mesh that stands still, from these fields; the solver gets both.
+    ///
+    /// # Errors
+    /// The solver cannot use them.
+    pub fn new(
+        backend: Box<dyn FluidBackend<D>>,
+        mesh: Mesh<D>,
+        fields: State<D>,
+        scalars: Vec<String>,
+        conditions: Vec<Condition<D>>,
+    ) -> Result<Self> {
+        let mut fluid = Self {
+            backend,
+            nodal_volume: mesh.nodal_volume(),
+            mesh,
+            accepted: fields,
+            solution: Solution::default(),
+            scalars,
+            conditions,
+            ramp: 0.0,
+            motion: None,
+            renewal: None,
+            generation: 0,
+            moved: true,
+        };
+        fluid.start()?;
+        Ok(fluid)
+    }
+
+    /// Gives the solver the mesh where it is, and the accepted fields: nothing of earlier steps influences what follows.
+    ///
+    /// # Errors
+    /// The solver cannot use them, or cannot be reached.
+    pub fn start(&mut self) -> Result<()> {
+        self.generation += u32::from(self.moved);
+        self.moved = false;
+        self.backend.set_mesh(&self.mesh, self.generation, &self.accepted)
+    }
+
+    /// Takes another mesh and the fields on it.
+    ///
+    /// # Errors
+    /// Those of [`Self::start`].
+    pub fn set_mesh(&mut self, mesh: Mesh<D>, fields: State<D>) -> Result<()> {
+        self.nodal_volume = mesh.nodal_volume();
+        (self.mesh, self.accepted, self.moved) = (mesh, fields, true);
+        self.start()
+    }
+
+    /// Makes the last solution the accepted fields.
+    pub fn accept(&mut self) {
+        self.backend.accept();
+        std::mem::swap(&mut self.accepted, &mut self.solution.fields);
+    }
+
+    /// The accepted fields on the mesh.
+    pub fn on_mesh(&self) -> OnMesh<'_, D> {
+        OnMesh { mesh: &self.mesh, fields: &self.accepted }
+    }
 }
 
 /// Laws and properties of the exchange between grains and fluid.
@@ -164,10 +246,12 @@ pub struct Laws {
 pub struct Interaction<const D: usize> {
     /// Laws by name.
     pub laws: Laws,
-    /// What the fluid gets.
+    /// The law of the grains.
     pub load: GrainLoad<D>,
-    /// What it gave back, at the last accepted step.
-    pub at: AtBodies<D>,
+    /// The same as the fluid solver gets it.
+    pub points: Points<D>,
+    /// The fluid at the grains by the last solution.
+    pub at: AtGrains<D>,
     /// Voidage at each grain: mean of the nodal voidage over its pieces.
     pub voidage: Vec<f64>,
     /// Force of the fluid on each grain, mean over the last step, N.
@@ -178,6 +262,8 @@ pub struct Interaction<const D: usize> {
     pub heat_tolerance: f64,
     /// What the fluid still has to give; absent with schemes that move the grains by the force of the law.
     pub carried: Option<Carried<D>>,
+    /// Force (N) and heat (W) that the fluid lost at the points in the last solution.
+    pub lost: (Vector<D>, f64),
     overlap: Overlap<D>,
 }
 
@@ -200,7 +286,7 @@ impl<const D: usize> Interaction<D> {
     ///
     /// # Errors
     /// A mesh that cannot be searched.
-    pub fn new(laws: Laws, mesh: &Mesh<D>, grains: &Dem<D>, at: AtBodies<D>) -> Result<Self> {
+    pub fn new(laws: Laws, mesh: &Mesh<D>, grains: &Dem<D>, at: AtGrains<D>) -> Result<Self> {
         let count = grains.particles.position.len();
         let mut load = GrainLoad {
             volume: grains.particles.volume.clone(),
@@ -212,15 +298,25 @@ impl<const D: usize> Interaction<D> {
         let mut heat = Vec::new();
         if laws.thermal.is_some() {
             let column = || vec![0.0; count];
-            load.heat =
-                Some(backend::HeatLoad { coefficient: column(), mobility: column(), temperature: column() });
+            load.heat = Some(HeatLoad { coefficient: column(), mobility: column(), temperature: column() });
             heat = column();
         }
         let force = vec![Vector::zeros(); count];
         let overlap = Overlap::new(mesh)?;
-        let heat_tolerance = Numerics::default().heat.tolerance;
-        let (voidage, carried) = (vec![1.0; count], None);
-        Ok(Self { laws, load, at, voidage, force, heat, heat_tolerance, carried, overlap })
+        let heat_tolerance = Numerics::default().scalars.tolerance;
+        Ok(Self {
+            laws,
+            load,
+            points: Points::default(),
+            at,
+            voidage: vec![1.0; count],
+            force,
+            heat,
+            heat_tolerance,
+            carried: None,
+            lost: (Vector::zeros(), 0.0),
+            overlap,
+        })
     }
 }
 
@@ -284,11 +380,11 @@ impl<const D: usize> Coupled<D> {
         };
         let start = Instant::now();
         let particles = &grains.particles;
-        let load = &mut interaction.load;
-        interaction.overlap.cut(&fluid.mesh, &particles.position, &particles.radius, &mut load.pieces)?;
-        let volume =
-            overlap::voidage(&fluid.mesh, &load.pieces, &load.volume, &fluid.nodal_volume, &mut load.voidage);
-        let exact: f64 = load.volume.iter().sum();
+        let GrainLoad { pieces, voidage, volume, .. } = &mut interaction.load;
+        interaction.overlap.cut(&fluid.mesh, &particles.position, &particles.radius, pieces, volume)?;
+        volume.iter_mut().zip(&particles.volume).for_each(|(inside, whole)| *inside *= whole);
+        let volume = overlap::voidage(&fluid.mesh, pieces, volume, &fluid.nodal_volume, voidage);
+        let exact: f64 = particles.volume.iter().sum();
         report.solid_volume_defect = Some(relative((volume - exact).abs(), exact));
         report.phases.overlap += start.elapsed().as_secs_f64();
         Ok(())
@@ -306,7 +402,7 @@ impl<const D: usize> Coupled<D> {
         let load = &mut interaction.load;
         let (pieces, voidage, mesh) = (&load.pieces, &load.voidage, &fluid.mesh);
         interaction.voidage.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, mean)| {
-            *mean = pieces.of(i).map(|q| pieces.share[q] * at_piece(mesh, pieces, q, voidage)).sum();
+            *mean = pieces.mean(i, mesh, voidage);
         });
         let voidage = &interaction.voidage;
         let around = |i: usize| Surroundings {
@@ -316,13 +412,14 @@ impl<const D: usize> Coupled<D> {
             density: laws.density,
             viscosity: laws.viscosity,
         };
+        let volume = &load.volume;
         load.drag.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, gamma)| {
-            *gamma = particles.volume[i] * laws.drag.coefficient(&around(i), laws.voidage_function);
+            *gamma = volume[i] * laws.drag.coefficient(&around(i), laws.voidage_function);
         });
         if let (Some(heat), Some(thermal)) = (&mut load.heat, &laws.thermal) {
             heat.coefficient.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, coefficient)| {
                 let law = laws.heat.coefficient(&around(i), thermal, laws.voidage_function);
-                *coefficient = particles.volume[i] * law;
+                *coefficient = volume[i] * law;
             });
         }
         report.phases.closure += start.elapsed().as_secs_f64();
@@ -335,27 +432,30 @@ impl<const D: usize> Coupled<D> {
     pub fn solve_fluid(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
         let Some(fluid) = &mut self.fluid else { return Ok(()) };
         let start = Instant::now();
-        let conditions = ramped(&fluid.conditions, fluid.ramp, self.time + dt);
-        let mut none = AtBodies::default();
-        let (grains, at) = match (&self.grains, &mut self.interaction) {
-            (Some(Dem { particles, .. }), Some(Interaction { load, at, .. })) => {
-                (Some(Immersed { position: &particles.position, radius: &particles.radius, load }), at)
+        let immersed = match &mut self.interaction {
+            Some(Interaction { load, points, laws, .. }) => {
+                let rigid = Rigid { fluid: fluid.on_mesh(), density: laws.density, dt };
+                load.fill_points(&rigid, (HEAT, fluid.scalars.len()), points);
+                Some(Immersed { points, voidage: &load.voidage })
             }
-            _ => (None, &mut none),
+            None => None,
         };
+        let conditions = ramped(&fluid.conditions, fluid.ramp, self.time + dt);
         let motion = fluid.motion.as_ref().map(|motion| motion.of_step(&fluid.mesh.points));
         let (number, time, conditions) = (self.steps + 1, self.time, &conditions[..]);
-        let step = FluidStep { number, time, dt, grains, conditions, motion };
-        let solved = fluid.backend.solve(&step, at)?;
-        report.phases.energy += solved.solver.heat_s;
-        report.phases.flow += solved.solver.flow_s;
-        report.phases.transport += solved.transport_s;
-        let known = solved.solver.heat_s + solved.solver.flow_s + solved.transport_s;
-        report.phases.exchange += start.elapsed().as_secs_f64() - known;
-        report.fluid = Some(solved.solver);
+        let step = FluidStep { number, time, dt, immersed, conditions, motion };
+        fluid.moved |= step.motion.is_some();
+        fluid.backend.solve(&step, &mut fluid.solution)?;
         if let Some(interaction) = &mut self.interaction {
-            interaction.balance(&solved, report);
+            interaction.receive(&OnMesh { mesh: &fluid.mesh, fields: &fluid.solution.fields });
         }
+        let Solution { report: solver, transport_s, .. } = &fluid.solution;
+        report.phases.energy += solver.scalars_s;
+        report.phases.flow += solver.flow_s;
+        report.phases.transport += transport_s;
+        let known = solver.scalars_s + solver.flow_s + transport_s;
+        report.phases.exchange += start.elapsed().as_secs_f64() - known;
+        report.fluid = Some(*solver);
         Ok(())
     }
 
@@ -389,8 +489,8 @@ impl<const D: usize> Coupled<D> {
     }
 
     /// Makes the solution of the fluid the accepted one and moves the clock: the end of a step.
-    pub fn accept(&mut self, dt: f64) {
-        self.accept_part(dt);
+    pub fn accept(&mut self, dt: f64, report: &mut StepReport) {
+        self.accept_part(dt, report);
         self.end_step();
     }
 
@@ -400,40 +500,54 @@ impl<const D: usize> Coupled<D> {
     }
 
     /// Makes the solution the accepted one and moves the clock by a part of a step.
-    pub(crate) fn accept_part(&mut self, dt: f64) {
+    pub(crate) fn accept_part(&mut self, dt: f64, report: &mut StepReport) {
         if let Some(fluid) = &mut self.fluid {
-            fluid.backend.accept();
+            fluid.accept();
+        }
+        if let Some(interaction) = &mut self.interaction {
+            interaction.balance(dt, report);
         }
         self.time += dt;
     }
 }
 
 impl<const D: usize> Interaction<D> {
-    /// Forces and heat on the grains by the affine law, and how far the fluid's own sum is from theirs.
-    fn balance(&mut self, solved: &backend::FluidReport<D>, report: &mut StepReport) {
+    /// Takes a solution of the fluid: the fluid at the grains, force and heat on them by the affine law, and what the fluid
+    /// lost.
+    fn receive(&mut self, fluid: &OnMesh<'_, D>) {
+        self.at.sample(&self.load.pieces, fluid, self.load.heat.as_ref().map(|_| HEAT));
         let (load, at) = (&self.load, &self.at);
-        self.force
-            .par_iter_mut()
-            .enumerate()
-            .with_min_len(256)
-            .for_each(|(i, force)| *force = load.force(at, i));
-        let total: Vector<D> = self.force.iter().sum();
-        let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
-        report.momentum_exchange_defect = solved.force.map(|lost| relative((total - lost).norm(), scale));
+        let forces = self.force.par_iter_mut().enumerate().with_min_len(256);
+        forces.for_each(|(i, force)| *force = load.force(at, i));
         if let Some(columns) = &load.heat {
-            self.heat
-                .par_iter_mut()
-                .enumerate()
-                .with_min_len(256)
-                .for_each(|(i, heat)| *heat = columns.heat(at, i));
-            let total: f64 = self.heat.iter().sum();
+            let heats = self.heat.par_iter_mut().enumerate().with_min_len(256);
+            heats.for_each(|(i, heat)| *heat = columns.heat(at, i));
+        }
+        self.lost = exchange::lost(&self.points, fluid, HEAT);
+    }
+
+    /// Compares what the grains got in a part of a step with what the fluid lost and what is carried on.
+    fn balance(&mut self, dt: f64, report: &mut StepReport) {
+        let worse = |worst: &mut Option<f64>, defect: f64| {
+            // What is no number must not get lost in a maximum.
+            *worst = Some(worst.map_or(defect, |worst| if worst > defect { worst } else { defect }));
+        };
+        let (mut force, mut heat) = (self.lost.0, self.lost.1);
+        if let Some(carried) = &mut self.carried {
+            let (impulse, warmth) = carried.change();
+            (force, heat) = (force + impulse / dt, heat + warmth / dt);
+        }
+        let got: Vector<D> = self.force.iter().sum();
+        let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
+        worse(&mut report.momentum_exchange_defect, relative((got - force).norm(), scale));
+        if let Some(columns) = &self.load.heat {
+            let got: f64 = self.heat.iter().sum();
             let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();
             // Grains as warm as the fluid exchange the round-off of hA T.
-            let through: f64 =
-                columns.coefficient.iter().zip(&at.temperature).map(|(h, t)| (h * t).abs()).sum();
-            let scale = scale.max(1e-3 * through);
-            report.energy_exchange_defect =
-                solved.force.map(|_| relative((total - solved.heat).abs(), scale));
+            let warmth = columns.coefficient.iter().zip(&self.at.temperature);
+            let through: f64 = warmth.map(|(h, t)| (h * t).abs()).sum();
+            let defect = relative((got - heat).abs(), scale.max(1e-3 * through));
+            worse(&mut report.energy_exchange_defect, defect);
         }
     }
 }

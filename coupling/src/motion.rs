@@ -2,7 +2,6 @@
 
 use crate::{Coupled, Fluid};
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 use voidage_fluid::harmonic::harmonic;
 use voidage_fluid::mesh::Renewed;
 use voidage_fluid::{Error, Mesh, MeshMotion, Result, Vector};
@@ -118,9 +117,10 @@ impl<const D: usize> Coupled<D> {
     /// Moves the nodes; what was computed of their places follows. Schemes find the mesh where it is at the end of the
     /// step.
     pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>])) {
-        let Some(Fluid { mesh, nodal_volume, motion: Some(motion), .. }) = &mut self.fluid else { return };
-        // The solver knows a mesh by its place in memory: the one that it was given stays as it is.
-        let mesh = Arc::make_mut(mesh);
+        let Some(Fluid { mesh, nodal_volume, motion: Some(motion), moved, .. }) = &mut self.fluid else {
+            return;
+        };
+        *moved = true;
         move_nodes(motion, self.time, &mut mesh.points);
         *nodal_volume = mesh.nodal_volume();
         if let Some(interaction) = &mut self.interaction {

@@ -1,19 +1,18 @@
 //! A fluid solver in another process, seen from the grains.
 
-use crate::backend::{FluidBackend, FluidReport, FluidStep};
+use crate::backend::{FluidBackend, FluidStep, Solution};
 use crate::error::{Error, PeerError, Result};
 use crate::launch::Process;
 use crate::protocol::{
-    ACCEPT, FieldsMessage, Greeting, Header, Kind, MeshMessage, Setup, StepMessage, numbers_for_text,
-    read_fields, read_solution, write_text,
+    Greeting, Header, Kind, MeshMessage, Setup, StateMessage, StepMessage, numbers_for_text, read_solution,
+    write_text,
 };
 use crate::transport::{self, Channel, Frame};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 use voidage_fluid::Mesh;
 use voidage_fluid::conditions::Condition;
-use voidage_fluid::exchange::AtBodies;
 use voidage_fluid::flow::State;
+use voidage_fluid::transport::Scalar;
 
 /// How long a solver may take to start: FEniCSx compiles its forms, and a person types a command.
 const START: Duration = Duration::from_secs(120);
@@ -29,9 +28,9 @@ pub struct RemoteFluid<const D: usize> {
     timeout: Duration,
     /// Run, generation, step and iteration of the last frame.
     last: Header,
-    mesh: Option<Arc<Mesh<D>>>,
-    /// Whether the nodes have left the places that they have in that mesh.
-    moved: bool,
+    /// Nodes of the mesh.
+    nodes: usize,
+    scalars: Vec<Scalar>,
     /// Whether the last solution is accepted and the solver does not know it yet.
     accepted: bool,
     /// The conditions that the solver has.
@@ -55,18 +54,9 @@ impl<const D: usize> RemoteFluid<D> {
             blake3::hash(format!("{:?} {}", std::time::SystemTime::now(), std::process::id()).as_bytes());
         let run = u64::from_le_bytes(std::array::from_fn(|i| id.as_bytes()[i]));
         let last = Header { run, ..Header::default() };
-        let conditions = setup.conditions.clone();
-        let mut remote = Self {
-            channel,
-            process,
-            name,
-            timeout,
-            last,
-            mesh: None,
-            moved: false,
-            accepted: false,
-            conditions,
-        };
+        let (conditions, scalars) = (setup.model.conditions.clone(), setup.model.scalars.clone());
+        let mut remote =
+            Self { channel, process, name, timeout, last, nodes: 0, scalars, accepted: false, conditions };
         remote.greet(setup).map_err(|error| remote.explain(error))?;
         Ok(remote)
     }
@@ -133,26 +123,20 @@ impl<const D: usize> RemoteFluid<D> {
         Error::Run(format!("fluid solver {}: {what}{log}{help}", self.name))
     }
 
-    fn ask_to_start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<(), PeerError> {
+    fn ask_to_start(&mut self, mesh: &Mesh<D>, generation: u32, fields: &State<D>) -> Result<(), PeerError> {
         self.accepted = false;
-        if self.mesh.as_ref().is_some_and(|old| Arc::ptr_eq(old, mesh)) && !self.moved {
-            let message = FieldsMessage::new(fields);
-            self.ask(message.header(Kind::State), |payload| message.write(payload), Kind::State)?;
+        if self.last.generation == generation {
+            let message = StateMessage::new(fields);
+            self.ask(message.header(), |payload| message.write(payload), Kind::State)?;
         } else {
-            self.last.generation += 1;
+            (self.last.generation, self.nodes) = (generation, mesh.points.len());
             let message = MeshMessage::new(mesh, fields);
             self.ask(message.header(), |payload| message.write(payload), Kind::Mesh)?;
-            self.mesh = Some(mesh.clone());
-            self.moved = false;
         }
         Ok(())
     }
 
-    fn ask_to_solve(
-        &mut self,
-        step: &FluidStep<'_, D>,
-        out: &mut AtBodies<D>,
-    ) -> Result<FluidReport<D>, PeerError> {
+    fn ask_to_solve(&mut self, step: &FluidStep<'_, D>, out: &mut Solution<D>) -> Result<(), PeerError> {
         let text = if self.conditions == step.conditions {
             String::new()
         } else {
@@ -166,41 +150,30 @@ impl<const D: usize> RemoteFluid<D> {
         let message = StepMessage::new(step, text);
         let header = message.header(self.accepted, self.last.iteration);
         self.accepted = false;
-        self.moved |= step.motion.is_some();
         let answer = self.ask(header, |payload| message.write(payload), Kind::Solution)?;
-        let grains = step.grains.map_or(0, |grains| grains.position.len());
-        let heat = step.grains.is_some_and(|grains| grains.load.heat.is_some());
-        let mut report = read_solution(answer.header(), answer.payload(), (grains, heat), out)?;
-        report.transport_s = (start.elapsed().as_secs_f64() - answer.header().dt).max(0.0);
-        Ok(report)
-    }
-
-    fn ask_for_fields(&mut self) -> Result<State<D>, PeerError> {
-        let flags = if self.accepted { ACCEPT } else { 0 };
-        let Header { step, iteration, .. } = self.last;
-        let header = Header { flags, step, iteration, ..Header::new(Kind::Fields) };
-        self.accepted = false;
-        let answer = self.ask(header, |_| {}, Kind::Fields)?;
-        let nodes = self.mesh.as_ref().map_or(0, |mesh| mesh.points.len());
-        read_fields(answer.header(), answer.payload(), nodes)
+        let counts = (self.nodes, self.scalars.len(), step.conditions.len());
+        read_solution(answer.header(), answer.payload(), counts, out)?;
+        if let Some((field, node)) = out.not_finite(&self.scalars) {
+            return Err(PeerError::Protocol(format!(
+                "{field} at node {node} is no number: the solver diverges"
+            )));
+        }
+        out.transport_s = (start.elapsed().as_secs_f64() - answer.header().dt).max(0.0);
+        Ok(())
     }
 }
 
 impl<const D: usize> FluidBackend<D> for RemoteFluid<D> {
-    fn start(&mut self, mesh: &Arc<Mesh<D>>, fields: &State<D>) -> Result<()> {
-        self.ask_to_start(mesh, fields).map_err(|error| self.explain(error))
+    fn set_mesh(&mut self, mesh: &Mesh<D>, generation: u32, fields: &State<D>) -> Result<()> {
+        self.ask_to_start(mesh, generation, fields).map_err(|error| self.explain(error))
     }
 
-    fn solve(&mut self, step: &FluidStep<'_, D>, out: &mut AtBodies<D>) -> Result<FluidReport<D>> {
+    fn solve(&mut self, step: &FluidStep<'_, D>, out: &mut Solution<D>) -> Result<()> {
         self.ask_to_solve(step, out).map_err(|error| self.explain(error))
     }
 
     fn accept(&mut self) {
         self.accepted = true;
-    }
-
-    fn fields(&mut self) -> Result<State<D>> {
-        self.ask_for_fields().map_err(|error| self.explain(error))
     }
 }
 

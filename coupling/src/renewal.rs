@@ -9,7 +9,6 @@ use crate::overlap::Overlap;
 use crate::{Coupled, Result, StepReport};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 use std::time::Instant;
 use voidage_fluid::Mesh;
 use voidage_fluid::flow::State;
@@ -81,18 +80,16 @@ impl<const D: usize> Coupled<D> {
         }
         let start = Instant::now();
         let renewed = (tools.make)(&fluid.mesh, &renewal.spacing)?;
-        let old = fluid.backend.fields()?;
+        let old = &fluid.accepted;
         let fields = State {
             velocity: renewed.carry(&old.velocity),
             pressure: renewed.carry(&old.pressure),
-            temperature: old.temperature.map(|old| renewed.carry(&old)),
+            scalars: old.scalars.iter().map(|old| renewed.carry(old)).collect(),
         };
         renewal.spacing = renewed.carry(&renewal.spacing);
         renewal.last = self.steps;
         fluid.motion = fluid.motion.as_ref().map(|motion| motion.renewed(&renewed, self.time));
-        fluid.mesh = Arc::new(renewed.mesh);
-        fluid.backend.start(&fluid.mesh, &fields)?;
-        fluid.nodal_volume = fluid.mesh.nodal_volume();
+        fluid.set_mesh(renewed.mesh, fields)?;
         self.search_anew()?;
         report.renewed = true;
         report.phases.remesh += start.elapsed().as_secs_f64();
@@ -103,7 +100,7 @@ impl<const D: usize> Coupled<D> {
     pub(crate) fn anew(&self) -> Option<Anew<D>> {
         let fluid = self.fluid.as_ref()?;
         let Renewal { spacing, last, .. } = fluid.renewal.as_ref().filter(|renewal| renewal.last > 0)?;
-        let (mesh, motion) = ((*fluid.mesh).clone(), fluid.motion.clone());
+        let (mesh, motion) = (fluid.mesh.clone(), fluid.motion.clone());
         Some(Anew { mesh, motion, spacing: spacing.clone(), last: *last })
     }
 
@@ -115,7 +112,7 @@ impl<const D: usize> Coupled<D> {
         let Some(fluid) = &mut self.fluid else { return Ok(()) };
         let Some(renewal) = &mut fluid.renewal else { return Ok(()) };
         (renewal.spacing, renewal.last) = (anew.spacing, anew.last);
-        (fluid.mesh, fluid.motion) = (Arc::new(anew.mesh), anew.motion);
+        (fluid.mesh, fluid.motion, fluid.moved) = (anew.mesh, anew.motion, true);
         self.search_anew()
     }
 

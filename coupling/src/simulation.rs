@@ -3,24 +3,23 @@
 use crate::backend::FluidBackend;
 use crate::compare::{Findings, SideBySide};
 use crate::error::Result;
+use crate::exchange::AtGrains;
 use crate::launch::Host;
 use crate::placing::Placing;
-use crate::recorder::{Checkpoint, FluidView, GrainView, View};
+use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, View, column_name};
 use crate::renewal::Anew;
 use crate::scene::Scene;
 use crate::totals::{Overlap, Totals};
-use crate::{Agreement, Carried, Coupled, StepReport, build};
+use crate::{Agreement, Carried, Coupled, Fluid, StepReport, TEMPERATURE, build};
 use serde::{Deserialize, Serialize};
 use voidage_fluid::Vector;
-use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::balance::Balance;
 use voidage_fluid::flow;
 
 /// The coupled system of a plane scene, its step, and what has added up over the steps.
 pub struct Simulation {
     coupled: Coupled<2>,
     dt: f64,
-    /// Fields of the fluid as last asked for.
-    fields: Option<flow::State<2>>,
     last: StepReport,
     totals: Totals,
     bed_weight_per_area: Option<f64>,
@@ -36,7 +35,7 @@ pub struct State {
     grains: Option<voidage_dem::State<2>>,
     fluid: Option<flow::State<2>>,
     anew: Option<Anew<2>>,
-    at: Option<AtBodies<2>>,
+    at: Option<AtGrains<2>>,
     carried: Option<Carried<2>>,
 }
 
@@ -66,7 +65,7 @@ impl Simulation {
         let bed_weight_per_area = bed_weight_per_area(&coupled);
         let (last, totals, dt) = (StepReport::default(), Totals::default(), scene.time.step);
         let max_penetration = scene.contacts.clone().unwrap_or_default().max_penetration;
-        Ok(Self { coupled, dt, fields: None, last, totals, bed_weight_per_area, max_penetration })
+        Ok(Self { coupled, dt, last, totals, bed_weight_per_area, max_penetration })
     }
 
     /// The same at a checkpoint.
@@ -85,7 +84,8 @@ impl Simulation {
             grains.restore(state)?;
         }
         if let (Some(fluid), Some(fields)) = (&mut coupled.fluid, state.fluid) {
-            fluid.backend.start(&fluid.mesh, &fields)?;
+            fluid.accepted = fields;
+            fluid.start()?;
         }
         if let (Some(interaction), Some(at)) = (&mut coupled.interaction, state.at) {
             interaction.at = at;
@@ -95,7 +95,6 @@ impl Simulation {
     }
 
     /// Lets other fluid solvers solve the given steps from the states of this run; `density` is that of the fluid, kg/m3.
-    /// They are compared in the nodal fields when [`Self::refresh`] follows the step.
     ///
     /// # Errors
     /// There is no fluid.
@@ -109,7 +108,8 @@ impl Simulation {
         let Some(mut fluid) = coupled.fluid.take() else {
             return Err(crate::Error::Input("a scene without fluid has no fluid solvers to compare".into()));
         };
-        let beside = SideBySide::new(fluid.backend, fluid.mesh.clone(), density, others, steps);
+        let start = (&fluid.mesh, &fluid.accepted);
+        let beside = SideBySide::new(fluid.backend, start, (density, &fluid.scalars), others, steps);
         let findings = beside.findings();
         fluid.backend = Box::new(beside);
         coupled.fluid = Some(fluid);
@@ -211,18 +211,15 @@ impl Simulation {
         )
     }
 
-    /// Fetches the fields of the fluid and the voidage of the grains where they are now, for [`Self::view`].
+    /// Computes the voidage of the grains where they are now, for [`Self::view`].
     ///
     /// # Errors
-    /// The fluid solver cannot be reached, a grain is outside the mesh.
+    /// A grain is outside the mesh.
     pub fn refresh(&mut self) -> Result<()> {
-        if let Some(fluid) = &mut self.coupled.fluid {
-            self.fields = Some(fluid.backend.fields()?);
-        }
         self.coupled.cut_grains(&mut StepReport::default())
     }
 
-    /// What the recorder writes; the fluid as of the last [`Self::refresh`].
+    /// What the recorder writes; the voidage as of the last [`Self::refresh`].
     pub fn view(&self) -> View<'_, 2> {
         let grains = self.coupled.grains.as_ref().map(|grains| {
             let particles = &grains.particles;
@@ -236,51 +233,83 @@ impl Simulation {
                 temperature: particles.heat.as_ref().map(|heat| heat.temperature.as_slice()),
             }
         });
-        let fluid = self.coupled.fluid.as_ref().zip(self.fields.as_ref()).map(|(fluid, fields)| FluidView {
+        let fluid = self.coupled.fluid.as_ref().map(|fluid| FluidView {
             mesh: &fluid.mesh,
-            velocity: &fields.velocity,
-            pressure: &fields.pressure,
+            fields: &fluid.accepted,
             voidage: self.coupled.interaction.as_ref().map(|i| i.load.voidage.as_slice()),
-            temperature: fields.temperature.as_deref(),
+            scalars: &fluid.scalars,
         });
         View { grains, fluid }
     }
 
-    /// Columns of the series that the view does not show: how the last step went; zeros before the first, so that the columns
-    /// are always the same.
-    pub fn readings(&self) -> Vec<(&'static str, f64)> {
-        let mut readings = Vec::new();
-        let last = &self.last;
-        // A solver need not sum what it gives to the grains.
-        let defect = |known: Option<f64>| known.unwrap_or(if last.fluid.is_some() { f64::NAN } else { 0.0 });
-        if self.coupled.grains.is_some() {
-            let grains = last.grains.unwrap_or_default();
+    /// Columns of the series that the view does not show: how the last step went, and what passed the boundary in it; zeros before
+    /// the first, so that the columns are always the same.
+    pub fn readings(&self) -> Vec<Reading> {
+        let (mut readings, last) = (Vec::<Reading>::new(), &self.last);
+        if let Some(grains) = &self.coupled.grains {
+            let step = last.grains.unwrap_or_default();
             readings.extend([
-                ("contacts", grains.contacts as f64),
-                ("contact_sweeps", grains.sweeps as f64),
-                ("contact_residual", grains.residual),
-                ("substeps", grains.substeps as f64),
+                ("contacts".into(), step.contacts as f64),
+                ("contact_sweeps".into(), step.sweeps as f64),
+                ("contact_residual".into(), step.residual),
+                ("substeps".into(), step.substeps as f64),
             ]);
+            for (wall, force) in grains.walls().iter().zip(grains.wall_force()) {
+                let name = column_name(&wall.name);
+                for (axis, force) in ["x", "y"].iter().zip(force.iter()) {
+                    readings.push((format!("wall_force_{name}_{axis}_N_per_m").into(), *force));
+                }
+            }
         }
-        if self.coupled.fluid.is_some() {
-            let fluid = last.fluid.unwrap_or_default();
-            readings.push(("linear_iterations", fluid.flow_iterations as f64));
+        if let Some(fluid) = &self.coupled.fluid {
+            let report = last.fluid.unwrap_or_default();
+            readings.push(("linear_iterations".into(), report.flow_iterations as f64));
+            self.boundary_readings(fluid, &mut readings);
         }
         if let Some(interaction) = &self.coupled.interaction {
             let agreement = last.agreement.unwrap_or_default();
             readings.extend([
-                ("fluid_solves", agreement.solves as f64),
-                ("step_parts", agreement.parts as f64),
-                ("coupling_disagreement", agreement.disagreement),
-                ("carried_impulse_share", agreement.carried),
+                ("fluid_solves".into(), agreement.solves as f64),
+                ("step_parts".into(), agreement.parts as f64),
+                ("coupling_disagreement".into(), agreement.disagreement),
+                ("carried_impulse_share".into(), agreement.carried),
+                ("solid_volume_defect".into(), last.solid_volume_defect.unwrap_or_default()),
+                ("momentum_exchange_defect".into(), last.momentum_exchange_defect.unwrap_or_default()),
             ]);
-            readings.push(("momentum_exchange_defect", defect(last.momentum_exchange_defect)));
             if interaction.load.heat.is_some() {
-                readings.push(("fluid_to_grain_heat_W_per_m", interaction.heat.iter().sum()));
-                readings.push(("energy_exchange_defect", defect(last.energy_exchange_defect)));
+                let defect = last.energy_exchange_defect.unwrap_or_default();
+                readings.push(("fluid_to_grain_heat_W_per_m".into(), interaction.heat.iter().sum()));
+                readings.push(("energy_exchange_defect".into(), defect));
             }
         }
         readings
+    }
+
+    /// What passed each part of the boundary of the mesh in the last step; no numbers where the solver does not compute it.
+    fn boundary_readings(&self, fluid: &Fluid<2>, readings: &mut Vec<Reading>) {
+        let steps = self.last.fluid.is_some();
+        let none = Balance {
+            flux: if steps { f64::NAN } else { 0.0 },
+            force: Vector::repeat(if steps { f64::NAN } else { 0.0 }),
+            scalars: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
+            carried: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
+        };
+        for (part, condition) in fluid.conditions.iter().enumerate() {
+            let name = column_name(&condition.boundary);
+            let balance = fluid.solution.balances.get(part).unwrap_or(&none);
+            readings.push((format!("flux_{name}_m2_per_s").into(), balance.flux));
+            for (axis, force) in ["x", "y"].iter().zip(balance.force.iter()) {
+                readings.push((format!("force_{name}_{axis}_N_per_m").into(), *force));
+            }
+            for (k, scalar) in fluid.scalars.iter().enumerate() {
+                let (given, carried) = match scalar.as_str() {
+                    TEMPERATURE => (format!("heat_{name}_W_per_m"), format!("carried_heat_{name}_W_per_m")),
+                    other => (format!("{other}_{name}_m2_per_s"), format!("carried_{other}_{name}_m2_per_s")),
+                };
+                readings.push((given.into(), balance.scalars[k]));
+                readings.push((carried.into(), balance.carried[k]));
+            }
+        }
     }
 
     /// The state to write in a checkpoint. What the linear solver keeps between steps is dropped, here as at a
@@ -293,9 +322,8 @@ impl Simulation {
         let fluid = match &mut coupled.fluid {
             None => None,
             Some(fluid) => {
-                let fields = fluid.backend.fields()?;
-                fluid.backend.start(&fluid.mesh, &fields)?;
-                Some(fields)
+                fluid.start()?;
+                Some(fluid.accepted.clone())
             }
         };
         Ok(State {

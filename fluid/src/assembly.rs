@@ -88,6 +88,44 @@ impl<const K: usize> System<K> {
     }
 }
 
+/// Equations of some nodes as they were assembled, before conditions took their places.
+#[derive(Clone, Debug, Default)]
+pub struct KeptRows<const K: usize> {
+    nodes: Vec<usize>,
+    blocks: Vec<[[f64; K]; K]>,
+    rhs: Vec<f64>,
+}
+
+impl<const K: usize> KeptRows<K> {
+    /// Keeps the equations of these nodes, and forgets all others.
+    pub fn keep(&mut self, system: &System<K>, nodes: impl Iterator<Item = usize>) {
+        self.nodes.clear();
+        self.blocks.clear();
+        self.rhs.clear();
+        for node in nodes {
+            self.nodes.push(node);
+            self.blocks.extend_from_slice(&system.matrix.values[system.matrix.pattern.range(node)]);
+            self.rhs.extend_from_slice(&system.rhs[K * node..K * (node + 1)]);
+        }
+    }
+
+    /// Calls `f(node, A x - b)` with the equations of each node at a solution x: the reaction of what holds the node.
+    pub fn reactions(&self, pattern: &Pattern, x: &[f64], mut f: impl FnMut(usize, [f64; K])) {
+        let mut next = 0;
+        for (k, &node) in self.nodes.iter().enumerate() {
+            let mut left: [f64; K] = std::array::from_fn(|i| -self.rhs[K * k + i]);
+            for position in pattern.range(node) {
+                let column = pattern.columns[position] as usize;
+                for (i, row) in self.blocks[next].iter().enumerate() {
+                    left[i] += (0..K).map(|j| row[j] * x[K * column + j]).sum::<f64>();
+                }
+                next += 1;
+            }
+            f(node, left);
+        }
+    }
+}
+
 impl System<1> {
     /// Adds d_ij = max(a_ij, a_ji, 0) to the diagonal entries of i and j and takes it from a_ij and a_ji, for all pairs: discrete
     /// upwinding (D. Kuzmin and S. Turek, "Flux correction tools for finite elements", J. Comput. Phys. 175 (2002)). Sums of rows and

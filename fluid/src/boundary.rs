@@ -1,20 +1,20 @@
 //! Boundary integrals of the weak forms and the conditions that replace equations.
 
 use crate::assembly::System;
-use crate::conditions::{Condition, FlowCondition, HeatCondition, Hold, facets};
+use crate::conditions::{Condition, FlowCondition, Hold, ScalarCondition, facets};
 use crate::element::{facet_normal, facet_rule};
 use crate::geometry::Geometry;
 use crate::{Error, Mesh, Result, Vector};
 
 /// Geometry and rule of one facet.
-struct Facet<'a, const D: usize> {
-    nodes: &'a [u32],
-    measure: f64,
-    normal: Vector<D>,
+pub(crate) struct Facet<'a, const D: usize> {
+    pub nodes: &'a [u32],
+    pub measure: f64,
+    pub normal: Vector<D>,
 }
 
 impl<'a, const D: usize> Facet<'a, D> {
-    fn new(mesh: &Mesh<D>, nodes: &'a [u32]) -> Self {
+    pub fn new(mesh: &Mesh<D>, nodes: &'a [u32]) -> Self {
         let corner: [Vector<D>; D] = std::array::from_fn(|k| mesh.points[nodes[k] as usize]);
         let (measure, normal) = facet_normal(&corner);
         Self { nodes, measure, normal }
@@ -32,8 +32,13 @@ impl<'a, const D: usize> Facet<'a, D> {
         }
     }
 
+    /// min(wind . n, 0) at a quadrature point: what enters.
+    pub fn inflow(&self, phi: &[f64; 3], wind: impl Fn(usize) -> Vector<D>) -> f64 {
+        self.at(phi, |node| wind(node).dot(&self.normal)).min(0.0)
+    }
+
     /// Value at a quadrature point of a nodal quantity.
-    fn at(&self, phi: &[f64; 3], value: impl Fn(usize) -> f64) -> f64 {
+    pub fn at(&self, phi: &[f64; 3], value: impl Fn(usize) -> f64) -> f64 {
         (0..D).map(|a| phi[a] * value(self.nodes[a] as usize)).sum()
     }
 }
@@ -114,11 +119,8 @@ impl<const D: usize, const B: usize> Around<'_, D, B> {
             }
         });
         let wind = |node: usize| velocity[node] - self.geometry.velocity_of(node);
-        let inflow = |phi: &[f64; 3]| {
-            let through = facet.at(phi, |node| wind(node).dot(&facet.normal));
-            -density * through.min(0.0) * voidage(phi)
-        };
-        facet.mass(inflow, |row, column, integral| {
+        let taken = |phi: &[f64; 3]| -density * facet.inflow(phi, wind) * voidage(phi);
+        facet.mass(taken, |row, column, integral| {
             if let Some(block) = system.block(row, column) {
                 for (i, line) in block.iter_mut().enumerate().take(D) {
                     line[i] += integral;
@@ -142,35 +144,6 @@ fn add_known<const D: usize, const B: usize>(
         through.net += flux.dot(&facet.normal);
         through.gross += flux.norm();
     });
-}
-
-/// Volume of fluid that leaves through the part of a condition per time, m3/s (m2/s in the plane), as the equations of mass
-/// have it: where a velocity is prescribed the number of the condition, through a wall none, through an open part
-/// <<eps u . n>> of the nodal voidage and velocity.
-pub fn outflow<const D: usize>(
-    mesh: &Mesh<D>,
-    condition: &Condition<D>,
-    voidage: &[f64],
-    velocity: &[Vector<D>],
-) -> f64 {
-    let through = |nodes: &[u32]| {
-        let facet = Facet::new(mesh, nodes);
-        let share = |phi: &[f64; 3]| facet.at(phi, |node| voidage[node]);
-        let mut sum = 0.0;
-        let mut add = |share: &dyn Fn(&[f64; 3]) -> f64, value: &dyn Fn(usize) -> Vector<D>| {
-            facet.mass(share, |_, node, integral| {
-                sum += value(node as usize).dot(&facet.normal) * integral;
-            });
-        };
-        match &condition.flow {
-            FlowCondition::Open { .. } => add(&share, &|node| velocity[node]),
-            FlowCondition::Velocity(value) => add(&share, &|node| value.at(node)),
-            FlowCondition::SuperficialVelocity(value) => add(&|_| 1.0, &|node| value.at(node)),
-            FlowCondition::NoSlip | FlowCondition::Slip => {}
-        }
-        sum
-    };
-    facets(mesh, &condition.boundary).map(through).sum()
 }
 
 /// Puts the velocity conditions into the momentum equations: rows of fixed nodes become u = value; where only
@@ -248,12 +221,12 @@ pub fn close<const D: usize, const B: usize>(
     Ok(())
 }
 
-/// Adds to the energy equation Newton cooling, <<h_w T, v>> = <<h_w T_w, v>>, and the inflow term of open
-/// boundaries, -<<eps rho c min(wind . n, 0) (T - T_out), v>>; `wind` is u_n - u_mesh at a node.
-pub fn add_heat<const D: usize>(
+/// Adds to the equation of scalar `k` what its boundaries exchange, <<h s, S>> = <<h s_out, S>>, and the inflow term of
+/// boundaries through which fluid may enter, -<<eps C min(wind . n, 0) (s - s_out), S>>; `wind` is u_n - u_mesh at a node.
+pub fn add_scalar<const D: usize>(
     mesh: &Mesh<D>,
     conditions: &[Condition<D>],
-    capacity: f64,
+    (k, capacity): (usize, f64),
     voidage: &[f64],
     wind: impl Fn(usize) -> Vector<D>,
     system: &mut System<1>,
@@ -269,11 +242,10 @@ pub fn add_heat<const D: usize>(
                     }
                 });
             };
-            match condition.heat {
-                HeatCondition::Newton { coefficient, temperature } => add(temperature, &|_| coefficient),
-                HeatCondition::Open { temperature: Some(outside) } => add(outside, &|phi| {
-                    let through = facet.at(phi, |node| wind(node).dot(&facet.normal));
-                    -capacity * through.min(0.0) * facet.at(phi, |node| voidage[node])
+            match condition.scalar(k) {
+                ScalarCondition::Transfer { coefficient, outside } => add(*outside, &|_| *coefficient),
+                ScalarCondition::Outflow { outside: Some(outside) } => add(*outside, &|phi| {
+                    -capacity * facet.inflow(phi, &wind) * facet.at(phi, |node| voidage[node])
                 }),
                 _ => {}
             }
@@ -281,14 +253,15 @@ pub fn add_heat<const D: usize>(
     }
 }
 
-/// Puts prescribed temperatures into the energy equation, in the order of the scene.
-pub fn apply_temperatures<const D: usize>(
+/// Puts prescribed values into the equation of scalar `k`, in the order of the scene.
+pub fn apply_values<const D: usize>(
     mesh: &Mesh<D>,
     conditions: &[Condition<D>],
+    k: usize,
     system: &mut System<1>,
 ) {
     for condition in conditions {
-        if let HeatCondition::Temperature(value) = &condition.heat {
+        if let ScalarCondition::Value(value) = condition.scalar(k) {
             for nodes in facets(mesh, &condition.boundary) {
                 nodes.iter().for_each(|&node| system.prescribe(node as usize, 0, value.at(node as usize)));
             }

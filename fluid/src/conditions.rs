@@ -10,11 +10,18 @@ pub struct Condition<const D: usize> {
     pub boundary: String,
     /// What the velocity or traction is.
     pub flow: FlowCondition<D>,
-    /// What the temperature or heat flux is.
-    pub heat: HeatCondition,
+    /// What the value or flux of each scalar is, in their order; those that are missing at the end are insulated.
+    pub scalars: Vec<ScalarCondition>,
 }
 
-/// A prescribed velocity (m/s) or temperature (K).
+impl<const D: usize> Condition<D> {
+    /// The condition of scalar `k`.
+    pub fn scalar(&self, k: usize) -> &ScalarCondition {
+        self.scalars.get(k).unwrap_or(&ScalarCondition::Insulated)
+    }
+}
+
+/// A prescribed velocity (m/s) or value of a scalar (K for heat).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Prescribed<T> {
@@ -62,26 +69,26 @@ pub enum FlowCondition<const D: usize> {
     },
 }
 
-/// Condition on the temperature.
+/// Condition on a scalar.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum HeatCondition {
-    /// T given, K.
-    Temperature(Prescribed<f64>),
-    /// Newton cooling, q = coefficient (T_w - T).
-    Newton {
-        /// Heat-transfer coefficient h_w, W/m2/K.
+pub enum ScalarCondition {
+    /// s given, K for heat.
+    Value(Prescribed<f64>),
+    /// q = coefficient (outside - s) enters: Newton cooling.
+    Transfer {
+        /// Transfer coefficient, W/m2/K for heat.
         coefficient: f64,
-        /// Temperature of the wall T_w, K.
-        temperature: f64,
+        /// Value outside, K for heat.
+        outside: f64,
     },
-    /// No heat flux.
-    Adiabatic,
-    /// No diffusive flux; fluid that enters has the given temperature, if one is given, through the term
-    /// -eps rho c min(u . n, 0) (T - T_out).
-    Open {
-        /// Temperature outside T_out, K.
-        temperature: Option<f64>,
+    /// No flux.
+    Insulated,
+    /// No diffusive flux; fluid that enters has the given value, if one is given, through the term
+    /// -eps C min(u . n, 0) (s - s_out).
+    Outflow {
+        /// Value outside s_out, K for heat.
+        outside: Option<f64>,
     },
 }
 

@@ -67,7 +67,7 @@ fn factorial(n: usize) -> f64 {
 }
 
 /// Inverse (transposed cofactors over the determinant) and determinant of a 2 x 2 or 3 x 3 matrix.
-fn inverse<const D: usize>(m: &SMatrix<f64, D, D>) -> (SMatrix<f64, D, D>, f64) {
+pub(crate) fn inverse<const D: usize>(m: &SMatrix<f64, D, D>) -> (SMatrix<f64, D, D>, f64) {
     let mut cofactor = SMatrix::<f64, D, D>::zeros();
     if D == 2 {
         cofactor[(0, 0)] = m[(1, 1)];

@@ -1,27 +1,16 @@
 //! The fluid solver: state, one step, and what it reports.
 
-use crate::assembly::{Assembler, System};
-use crate::conditions::{self, Condition, FlowCondition, Hold};
-use crate::exchange::{AtBodies, CellExchange, Exchange, NodalFields, PiecesByCell};
+use crate::assembly::{Assembler, KeptRows, System};
+use crate::balance::{self, Balance, Holders, NOBODY, Solved};
+use crate::conditions::{self, Condition, FlowCondition, Hold, ScalarCondition};
 use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
-use crate::sums::Sums;
-use crate::transport::{self, CellHeat, Scalar};
+use crate::points::{CellExchange, Points, PointsByCell, solid_flux};
+use crate::transport::{self, CellScalar, Form, Scalar};
 use crate::{Error, Mesh, Result, Vector, boundary};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
-
-/// Heat in the fluid.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HeatProperties {
-    /// rho c, k and the walls of a thin cell.
-    pub scalar: Scalar,
-    /// Thermal expansion beta, 1/K.
-    pub expansion: f64,
-    /// Temperature T_R at which gravity acts on the density rho, K.
-    pub reference: f64,
-}
 
 /// How the equations are solved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,26 +19,40 @@ pub struct Numerics {
     pub newton: usize,
     /// Linear solver of velocity and pressure.
     pub flow: linear::Options,
-    /// Linear solver of the temperature.
-    pub heat: linear::Options,
+    /// Linear solver of the scalars.
+    pub scalars: linear::Options,
 }
 
 impl Default for Numerics {
     fn default() -> Self {
-        let heat = linear::Options { method: linear::Method::Ilu, tolerance: 1e-10, ..Default::default() };
-        Self { newton: 1, flow: linear::Options::default(), heat }
+        let scalars = linear::Options { method: linear::Method::Ilu, tolerance: 1e-10, ..Default::default() };
+        Self { newton: 1, flow: linear::Options::default(), scalars }
     }
 }
 
 /// Nodal values.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State<const D: usize> {
     /// Velocity u, m/s.
     pub velocity: Vec<Vector<D>>,
     /// Pressure p, Pa.
     pub pressure: Vec<f64>,
-    /// Temperature T, K; absent without heat.
-    pub temperature: Option<Vec<f64>>,
+    /// Each scalar, in their order; K for heat.
+    pub scalars: Vec<Vec<f64>>,
+}
+
+impl<const D: usize> State<D> {
+    /// The values of scalar `k`; none if there is no such scalar.
+    pub fn scalar(&self, k: usize) -> &[f64] {
+        self.scalars.get(k).map_or(&[], Vec::as_slice)
+    }
+
+    /// Takes the values of another state, in the memory that there is.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.velocity.clone_from(&other.velocity);
+        self.pressure.clone_from(&other.pressure);
+        self.scalars.clone_from(&other.scalars);
+    }
 }
 
 /// Sources per volume at the nodes, for manufactured solutions.
@@ -59,8 +62,8 @@ pub struct Sources<const D: usize> {
     pub momentum: Vec<Vector<D>>,
     /// Mass over density, 1/s.
     pub mass: Vec<f64>,
-    /// Heat, W/m3; empty without heat.
-    pub heat: Vec<f64>,
+    /// Of each scalar, W/m3 for heat.
+    pub scalars: Vec<Vec<f64>>,
 }
 
 /// What a step reports.
@@ -68,23 +71,26 @@ pub struct Sources<const D: usize> {
 pub struct Report {
     /// Iterations of the linear solver of velocity and pressure, summed over the Newton steps.
     pub flow_iterations: usize,
-    /// Iterations of the linear solver of the temperature.
-    pub heat_iterations: usize,
+    /// Iterations of the linear solvers of the scalars.
+    pub scalar_iterations: usize,
     /// Relative residual of the last flow system.
     pub residual: f64,
     /// Whether the flow matrix was factored anew.
     pub factored: bool,
-    /// Wall time of the energy equation, s.
-    pub heat_s: f64,
+    /// Wall time of the scalars, s.
+    pub scalars_s: f64,
     /// Wall time of momentum and mass, s.
     pub flow_s: f64,
 }
 
-/// Energy: its coefficients, system and solver.
-struct Heat {
-    properties: HeatProperties,
+/// The equation of a scalar: its coefficients, system and solver.
+struct Equation {
+    scalar: Scalar,
     system: System<1>,
     solver: Solver<1>,
+    /// The condition that prescribes the value of each node.
+    holder: Vec<u32>,
+    kept: KeptRows<1>,
 }
 
 /// The solver on one mesh; `B` is `D + 1`.
@@ -100,53 +106,57 @@ pub struct Flow<const D: usize, const B: usize> {
     assembler: Assembler,
     system: System<B>,
     solver: Solver<B>,
-    heat: Option<Heat>,
+    scalars: Vec<Equation>,
     holds: Vec<Option<Hold<D>>>,
-    sorted: PiecesByCell,
+    holders: Holders<D>,
+    kept: KeptRows<B>,
+    sorted: PointsByCell,
     solid_flux: Vec<Vector<D>>,
-    /// Constant part of the law of continuity at the pieces; only where there is one.
-    at_pieces: Vec<Vector<D>>,
     unknown: Vec<f64>,
 }
 
 impl<const D: usize, const B: usize> Flow<D, B> {
-    /// A solver on a mesh, starting from the given state (its temperature present exactly when `heat` is).
+    /// A solver on a mesh, starting from the given state.
     ///
     /// # Errors
-    /// Conditions that do not fit the mesh, flat or inverted cells.
+    /// Conditions that do not fit the mesh, a state without the values of each scalar, flat or inverted cells.
     pub fn new(
         mesh: Mesh<D>,
         properties: Properties<D>,
-        heat: Option<HeatProperties>,
+        scalars: &[Scalar],
         conditions: &[Condition<D>],
         state: State<D>,
         numerics: &Numerics,
     ) -> Result<Self> {
         conditions::check(&mesh, conditions)?;
         let nodes = mesh.points.len();
+        check_state(&state, nodes, scalars.len())?;
         let assembler = Assembler::new::<B>(nodes, &mesh.cells);
         let pattern = &assembler.pattern;
-        let heat = heat.map(|properties| Heat {
-            properties,
+        let equation = |scalar: &Scalar| Equation {
+            scalar: scalar.clone(),
             system: System::new(pattern.clone()),
-            solver: Solver::new(pattern.clone(), &mesh.points, numerics.heat),
-        });
+            solver: Solver::new(pattern.clone(), &mesh.points, numerics.scalars),
+            holder: Vec::new(),
+            kept: KeptRows::default(),
+        };
         Ok(Self {
             system: System::new(pattern.clone()),
             solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow),
+            scalars: scalars.iter().map(equation).collect(),
             solid_flux: Vec::new(),
-            at_pieces: Vec::new(),
+            kept: KeptRows::default(),
+            holders: Holders::default(),
             unknown: vec![0.0; nodes * B],
             next: state.clone(),
             newton: numerics.newton.max(1),
             sources: None,
             holds: Vec::new(),
-            sorted: PiecesByCell::default(),
+            sorted: PointsByCell::default(),
             geometry: Geometry::new(mesh)?,
             properties,
             state,
             assembler,
-            heat,
         })
     }
 
@@ -163,6 +173,11 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         self.geometry.follow(motion)
     }
 
+    /// Values of the step in hand.
+    pub fn solution(&self) -> &State<D> {
+        &self.next
+    }
+
     /// Last accepted values.
     pub fn state(&self) -> &State<D> {
         &self.state
@@ -174,17 +189,20 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     }
 
     /// Replaces the accepted values (a restart, an initial condition).
-    pub fn set_state(&mut self, state: State<D>) {
-        self.next = state.clone();
-        self.state = state;
+    ///
+    /// # Errors
+    /// Values of another number of nodes or scalars.
+    pub fn set_state(&mut self, state: &State<D>) -> Result<()> {
+        check_state(state, self.geometry.mesh.points.len(), self.scalars.len())?;
+        self.next.copy_from(state);
+        self.state.copy_from(state);
+        Ok(())
     }
 
     /// Drops all that the linear solvers keep between steps, so that what follows depends on the state only.
     pub fn forget(&mut self) {
         self.solver.forget();
-        if let Some(heat) = &mut self.heat {
-            heat.solver.forget();
-        }
+        self.scalars.iter_mut().for_each(|equation| equation.solver.forget());
     }
 
     /// Makes the step in hand the last accepted one.
@@ -192,9 +210,9 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         std::mem::swap(&mut self.state, &mut self.next);
     }
 
-    /// Solves one step of `dt` from the last accepted state: energy, then momentum and mass.
+    /// Solves one step of `dt` from the last accepted state: the scalars one after the other, then momentum and mass.
     ///
-    /// `voidage` is nodal; `exchange` describes the immersed bodies, none without them.
+    /// `voidage` is nodal; `points` act on the fluid, none without them.
     ///
     /// # Errors
     /// A linear system without a solution, or prescribed fluxes that do not balance in a closed domain.
@@ -202,100 +220,100 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         &mut self,
         dt: f64,
         voidage: &[f64],
-        exchange: Option<&Exchange<'_, D>>,
+        points: Option<&Points<D>>,
         conditions: &[Condition<D>],
     ) -> Result<Report> {
-        match exchange {
-            Some(load) => self.sorted.sort(load.pieces, self.geometry.elements.len()),
+        match points {
+            Some(points) => self.sorted.sort(&points.cell, self.geometry.elements.len()),
             None => self.sorted.clear(),
         }
         let mut report = Report::default();
-        if self.heat.is_some() {
-            let start = Instant::now();
-            self.solve_heat(dt, voidage, exchange, conditions, &mut report)?;
-            report.heat_s = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        for k in 0..self.scalars.len() {
+            self.solve_scalar(k, dt, voidage, points, conditions, &mut report)?;
+        }
+        if !self.scalars.is_empty() {
+            report.scalars_s = start.elapsed().as_secs_f64();
         }
         let start = Instant::now();
-        self.project_solid_flux(dt, voidage, exchange);
+        self.solid_flux.clear();
+        if let Some(points) = points {
+            self.solid_flux.resize(self.state.velocity.len(), Vector::zeros());
+            solid_flux(points, &self.geometry, &self.state, &mut self.solid_flux);
+        }
         for iteration in 0..self.newton {
-            self.newton_step(iteration, dt, voidage, exchange, conditions, &mut report)?;
+            self.newton_step(iteration, dt, voidage, points, conditions, &mut report)?;
         }
         report.flow_s = start.elapsed().as_secs_f64();
         Ok(report)
     }
 
-    /// Means of the step in hand at the bodies.
-    pub fn sample(&self, pieces: &crate::exchange::Pieces<D>, at: &mut AtBodies<D>) {
-        let fields = NodalFields {
-            velocity: &self.next.velocity,
-            pressure: &self.next.pressure,
-            temperature: self.next.temperature.as_deref(),
-            gradient: &self.geometry.gradient,
+    /// What passes the boundary in the step in hand, by condition; `voidage` and `conditions` are those of the step.
+    pub fn balances(&self, voidage: &[f64], conditions: &[Condition<D>], out: &mut Vec<Balance<D>>) {
+        let capacity: Vec<f64> = self.scalars.iter().map(|equation| equation.scalar.capacity).collect();
+        let solved = Solved {
+            geometry: &self.geometry,
+            conditions,
+            voidage,
+            density: self.properties.density,
+            capacity: &capacity,
+            old: &self.state,
+            new: &self.next,
         };
-        at.sample::<B>(&self.geometry.mesh, pieces, &fields);
+        solved.integrals(out);
+        let pattern = &self.assembler.pattern;
+        self.kept.reactions(pattern, &self.unknown, |node, reaction| {
+            self.holders.share_force(node, Vector::from_fn(|i, _| -reaction[i]), out);
+        });
+        for (k, equation) in self.scalars.iter().enumerate() {
+            equation.kept.reactions(pattern, &self.next.scalars[k], |node, [given]| {
+                out[equation.holder[node] as usize].scalars[k] += given;
+            });
+        }
     }
 
-    /// Force (N) and heat (W) that the fluid gives to the bodies in the step in hand, summed piece by piece:
-    /// the counterpart, by another path, of what the affine law gives each body.
-    pub fn exchanged(&self, load: &Exchange<'_, D>) -> (Vector<D>, f64) {
-        Sums { geometry: &self.geometry, state: &self.next, load }.exchanged()
-    }
-
-    fn solve_heat(
+    fn solve_scalar(
         &mut self,
+        k: usize,
         dt: f64,
         voidage: &[f64],
-        exchange: Option<&Exchange<'_, D>>,
+        points: Option<&Points<D>>,
         conditions: &[Condition<D>],
         report: &mut Report,
     ) -> Result<()> {
-        let Some(heat) = &mut self.heat else { return Ok(()) };
-        let (Some(old), Some(next)) = (&self.state.temperature, &mut self.next.temperature) else {
-            return Err(Error::Mesh("heat without an initial temperature".into()));
-        };
+        let Equation { scalar, system, solver, holder, kept } = &mut self.scalars[k];
+        let (old, next) = (&self.state.scalars[k], &mut self.next.scalars[k]);
         let (geometry, sorted, state) = (&self.geometry, &self.sorted, &self.state);
         let wind = |node: usize| state.velocity[node] - geometry.velocity_of(node);
         let sources = self.sources.as_ref();
-        let scalar = &heat.properties.scalar;
-        let bodies = exchange.and_then(|load| load.heat.map(|columns| (load.pieces, columns)));
-        self.assembler.assemble(&mut heat.system, |cell, out| {
+        let columns = points.and_then(|points| Some((points, points.scalars.get(k)?.as_ref()?)));
+        self.assembler.assemble(system, |cell, out| {
             let node = geometry.nodes(cell);
             let cell = transport::Cell {
                 element: geometry.elements[cell],
                 voidage: node.map(|n| voidage[n]),
                 velocity: node.map(wind),
                 old: node.map(|n| old[n]),
-                exchange: bodies
-                    .and_then(|(pieces, columns)| CellHeat::gather(pieces, &columns, sorted, cell)),
-                source: sources.map(|s| node.map(|n| s.heat[n])),
+                exchange: columns
+                    .and_then(|(points, columns)| CellScalar::gather(points, columns, sorted, cell)),
+                source: sources.map(|s| node.map(|n| s.scalars[k][n])),
             };
             transport::assemble(&cell, scalar, dt, out);
         });
         let mesh = &geometry.mesh;
-        boundary::add_heat(mesh, conditions, scalar.capacity, voidage, wind, &mut heat.system);
-        if scalar.monotone {
-            heat.system.upwind();
+        boundary::add_scalar(mesh, conditions, (k, scalar.capacity), voidage, wind, system);
+        if scalar.form == Form::Monotone {
+            system.upwind();
         }
-        boundary::apply_temperatures(mesh, conditions, &mut heat.system);
+        balance::last(holder, geometry, conditions, |condition| {
+            matches!(condition.scalar(k), ScalarCondition::Value(_))
+        });
+        let held = holder.iter().enumerate().filter(|(_, holder)| **holder != NOBODY);
+        kept.keep(system, held.map(|(node, _)| node));
+        boundary::apply_values(mesh, conditions, k, system);
         next.copy_from_slice(old);
-        let solved = heat.solver.solve(&heat.system.matrix, &heat.system.rhs, next)?;
-        report.heat_iterations = solved.iterations;
+        report.scalar_iterations += solver.solve(&system.matrix, &system.rhs, next)?.iterations;
         Ok(())
-    }
-
-    /// Nodal projection (A.15) of the solid flux phi v, with v the law of the bodies in the equation of mass at the
-    /// last accepted fluid state.
-    fn project_solid_flux(&mut self, dt: f64, voidage: &[f64], exchange: Option<&Exchange<'_, D>>) {
-        self.solid_flux.clear();
-        if let Some(load) = exchange {
-            let sums = Sums { geometry: &self.geometry, state: &self.state, load };
-            if let Some(law) = &load.continuity {
-                sums.rigid(law, (voidage, self.properties.density, dt), &mut self.at_pieces);
-            }
-            let at_pieces = load.continuity.map(|_| self.at_pieces.as_slice());
-            self.solid_flux.resize(self.state.velocity.len(), Vector::zeros());
-            sums.solid_flux(at_pieces, &mut self.solid_flux);
-        }
     }
 
     fn newton_step(
@@ -303,15 +321,18 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         iteration: usize,
         dt: f64,
         voidage: &[f64],
-        exchange: Option<&Exchange<'_, D>>,
+        points: Option<&Points<D>>,
         conditions: &[Condition<D>],
         report: &mut Report,
     ) -> Result<()> {
-        self.assemble_flow(iteration, dt, voidage, exchange);
+        self.assemble_flow(iteration, dt, voidage, points);
         let geometry = &self.geometry;
         conditions::holds(&geometry.mesh, conditions, voidage, geometry.motion(), &mut self.holds);
         let around = boundary::Around { geometry, conditions, voidage };
         let through = around.add_flow(self.properties.density, &self.state.velocity, &mut self.system);
+        self.holders.fill(geometry, conditions);
+        let held = self.holds.iter().enumerate().filter(|(_, hold)| hold.is_some());
+        self.kept.keep(&self.system, held.map(|(node, _)| node));
         boundary::apply_holds(&self.holds, &mut self.system);
         let closed = !conditions.iter().any(|c| matches!(c.flow, FlowCondition::Open { .. }));
         if closed {
@@ -339,18 +360,12 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         Ok(())
     }
 
-    fn assemble_flow(
-        &mut self,
-        iteration: usize,
-        dt: f64,
-        voidage: &[f64],
-        exchange: Option<&Exchange<'_, D>>,
-    ) {
+    fn assemble_flow(&mut self, iteration: usize, dt: f64, voidage: &[f64], points: Option<&Points<D>>) {
         let (geometry, sorted, fluid) = (&self.geometry, &self.sorted, &self.properties);
         let old = &self.state.velocity;
         let at = if iteration == 0 { old } else { &self.next.velocity };
-        let buoyancy = self.heat.as_ref().zip(self.next.temperature.as_ref());
-        let (sources, flux, at_pieces) = (self.sources.as_ref(), &self.solid_flux, &self.at_pieces);
+        let (scalars, values) = (&self.scalars, &self.next.scalars);
+        let (sources, flux) = (self.sources.as_ref(), &self.solid_flux);
         self.assembler.assemble(&mut self.system, |k, out| {
             let node = geometry.nodes(k);
             let element = geometry.elements[k];
@@ -358,19 +373,19 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let over_mesh = |u: &[Vector<D>]| std::array::from_fn(|a| u[node[a]] - moving[a]);
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
-            let bodies = exchange.and_then(|load| {
-                let at_pieces = load.continuity.map(|_| at_pieces.as_slice());
-                CellExchange::gather(load, sorted, at_pieces, k)
-            });
+            let immersed = points.and_then(|points| CellExchange::gather(points, sorted, k));
             let solid_divergence = match flux.is_empty() {
                 true => 0.0,
                 false => (0..B).map(|a| flux[node[a]].dot(&element.gradient[a])).sum(),
             };
-            let lightness = buoyancy.map_or([1.0; B], |(heat, temperature)| {
-                node.map(|n| 1.0 - heat.properties.expansion * (temperature[n] - heat.properties.reference))
-            });
-            let weight = match exchange {
-                Some(_) => forms::fluid_weight(element.measure, &lightness, bodies.as_ref()),
+            let mut lightness = [1.0; B];
+            for (Equation { scalar, .. }, value) in scalars.iter().zip(values) {
+                for (light, n) in lightness.iter_mut().zip(node) {
+                    *light -= scalar.expansion * (value[n] - scalar.reference);
+                }
+            }
+            let weight = match points {
+                Some(_) => forms::fluid_weight(element.measure, &lightness, immersed.as_ref()),
                 None => std::array::from_fn(|a| (0..B).map(|b| mass[a][b] * lightness[b]).sum()),
             };
             let cell = forms::Cell {
@@ -382,7 +397,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 direction: over_mesh(old).iter().sum::<Vector<D>>() / B as f64,
                 weight,
                 solid_divergence,
-                exchange: bodies.as_ref(),
+                exchange: immersed.as_ref(),
                 source: sources.map(|s| (node.map(|n| s.momentum[n]), node.map(|n| s.mass[n]))),
                 mass,
                 load,
@@ -397,5 +412,23 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         let volume: f64 = nodal_volume.iter().sum();
         let total: f64 = self.next.pressure.iter().zip(nodal_volume).map(|(p, v)| p * v).sum();
         self.next.pressure.iter_mut().for_each(|p| *p -= total / volume);
+        // What the walls feel belongs to this level too.
+        self.unknown.chunks_exact_mut(B).for_each(|block| block[D] -= total / volume);
+    }
+}
+
+fn check_state<const D: usize>(state: &State<D>, nodes: usize, scalars: usize) -> Result<()> {
+    let fits = state.velocity.len() == nodes
+        && state.pressure.len() == nodes
+        && state.scalars.len() == scalars
+        && state.scalars.iter().all(|values| values.len() == nodes);
+    match fits {
+        true => Ok(()),
+        false => Err(Error::Mesh(format!(
+            "a state of {} velocities, {} pressures and {} scalars for {nodes} nodes and {scalars} scalars",
+            state.velocity.len(),
+            state.pressure.len(),
+            state.scalars.len()
+        ))),
     }
 }

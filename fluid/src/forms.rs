@@ -27,7 +27,7 @@
 use crate::Vector;
 use crate::assembly::Local;
 use crate::element::{Element, weighted_load, weighted_mass};
-use crate::exchange::CellExchange;
+use crate::points::CellExchange;
 use nalgebra::SMatrix;
 
 /// Properties of the fluid that the momentum equation needs.

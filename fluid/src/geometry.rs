@@ -18,8 +18,6 @@ pub struct Geometry<const D: usize, const B: usize> {
     pub mesh: Mesh<D>,
     /// Its cells.
     pub elements: Vec<Element<D, B>>,
-    /// Gradients of the shape functions of each cell, `B` per cell, 1/m.
-    pub gradient: Vec<Vector<D>>,
     /// Integral of each shape function, m3 (m2 in the plane).
     pub nodal_volume: Vec<f64>,
     /// Velocity of the nodes, m/s; empty while they stand still.
@@ -33,8 +31,8 @@ impl<const D: usize, const B: usize> Geometry<D, B> {
     /// Flat or inverted cells.
     pub fn new(mesh: Mesh<D>) -> Result<Self> {
         const { assert!(B == D + 1) };
-        let (elements, gradient) = (Vec::new(), Vec::new());
-        let mut geometry = Self { mesh, elements, gradient, nodal_volume: Vec::new(), velocity: Vec::new() };
+        let (elements, velocity) = (Vec::new(), Vec::new());
+        let mut geometry = Self { mesh, elements, nodal_volume: Vec::new(), velocity };
         geometry.measure()?;
         Ok(geometry)
     }
@@ -70,8 +68,6 @@ impl<const D: usize, const B: usize> Geometry<D, B> {
         if let Some(flat) = self.elements.iter().position(flat) {
             return Err(Error::Mesh(format!("cell {flat} of the mesh is flat or inverted")));
         }
-        self.gradient.clear();
-        self.gradient.extend(self.elements.iter().flat_map(|element| element.gradient));
         self.nodal_volume = mesh.nodal_volume();
         Ok(())
     }

@@ -1,24 +1,24 @@
-//! Volume-averaged Navier-Stokes with heat by stabilised P1-P1 finite elements.
+//! Volume-averaged Navier-Stokes with transported scalars by stabilised P1-P1 finite elements.
 //!
-//! The fluid knows nothing of grains: bodies immersed in it are [`exchange::Pieces`] with a drag coefficient
-//! and an affine law for their velocity and temperature ([`exchange::Exchange`]). A step of [`flow::Flow`]
-//! solves the energy equation ([`transport`]) and then, in one monolithic system, momentum and mass
-//! ([`forms`]) on a simplicial mesh ([`mesh`]), which may move ([`geometry`]), with conditions on its named
-//! boundaries ([`conditions`]).
+//! The fluid knows nothing of grains: what is immersed in it are [`points::Points`] with a drag coefficient
+//! and an affine law for their velocity and for each scalar that they exchange. A step of [`flow::Flow`]
+//! solves the equations of the scalars, heat among them ([`transport`]), and then, in one monolithic system, momentum
+//! and mass ([`forms`]) on a simplicial mesh ([`mesh`]), which may move ([`geometry`]), with conditions on its named
+//! boundaries ([`conditions`]). What passes each of these follows from the discrete equations ([`balance`]).
 
 pub mod assembly;
+pub mod balance;
 pub mod boundary;
 pub mod conditions;
 pub mod element;
 pub mod error;
-pub mod exchange;
 pub mod flow;
 pub mod forms;
 pub mod geometry;
 pub mod harmonic;
 pub mod linear;
 pub mod mesh;
-mod sums;
+pub mod points;
 pub mod transport;
 
 pub use error::{Error, Result};

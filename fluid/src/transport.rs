@@ -1,49 +1,80 @@
-//! Transported scalars: one equation for heat (and, the same, for vapour).
+//! Transported scalars: one equation for the temperature, a vapour, a tracer.
 //!
 //! ```text
-//! <eps C (T - T_n)/dt, S> + <eps C (u_n - u_mesh) . grad T, S> + <eps K grad T, grad S> - <q_p + q_l + s, S>
-//!     + sum_e xi_T <R_T, U . grad S>_e = boundary heat
+//! <eps C (s - s_n)/dt, S> + <eps C (u_n - u_mesh) . grad s, S> + <eps K grad s, grad S> - <q_p + q_l + source, S>
+//!     + sum_e xi_T <R_T, U . grad S>_e = what the boundary gives
 //! ```
 //!
 //! (Henry et al., Eq. 3, A.9 with the test function of T), C the volumetric capacity rho c, K the
-//! conductivity, R_T the residual A.6, q_p = -hA (T - T*) over the pieces of the bodies with
-//! T* = bT + aT hA T, and q_l = lambda (T_w - T).
+//! conductivity, R_T the residual A.6, q_p = -h (s - s*) over the points with
+//! s* = c + a h s, and q_l = lambda (s_w - s).
 
 use crate::Vector;
 use crate::assembly::Local;
 use crate::element::{Element, weighted_load, weighted_mass};
-use crate::exchange::{HeatExchange, Pieces, PiecesByCell};
 use crate::forms::stabilisation_time;
+use crate::points::{PointScalar, Points, PointsByCell};
 
-/// Coefficients of a transported scalar.
+/// A transported scalar: its name and coefficients.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Scalar {
-    /// Volumetric capacity C: rho c for heat, J/m3/K.
+    /// Name: `temperature`, or one of the user's.
+    pub name: String,
+    /// Volumetric capacity C: rho c for heat, J/m3/K; 1 for a tracer.
     pub capacity: f64,
-    /// Conductivity K: k for heat, W/m/K.
+    /// Conductivity K: k for heat, W/m/K; the diffusivity for a tracer, m2/s.
     pub conductivity: f64,
     /// Exchange with the front and rear walls of a thin cell.
-    pub thin_cell: Option<ThinCellHeat>,
-    /// Whether storage and exchange are lumped in the Galerkin equations: storage and thin cell by the vertex rule, the
-    /// bodies by the sums of the rows. Where the exchange
-    /// over a cell outweighs its diffusion, the consistent terms couple neighbours with the wrong sign, and the
-    /// temperature leaves the bounds that walls, grains and inflow set; the lumped ones cannot do that. Both give the
-    /// grains the same heat, exchange it without loss, and are of order 2.
-    pub lumped: bool,
-    /// Whether no value may leave the range of those around it, before and beside: fronts then stay within their bounds, which
-    /// streamline diffusion does not ensure. Instead of it the matrix gets the least symmetric diffusion between neighbours
-    /// that leaves no positive entry beside the diagonal ([`crate::assembly::System::upwind`]); needs `lumped`. Nothing is lost
-    /// on the way; of order 1 where convection outweighs diffusion along edges, else of order 2.
-    pub monotone: bool,
+    pub thin_cell: Option<ThinCell>,
+    /// How the equation is discretised.
+    pub form: Form,
+    /// Expansion beta in the weight 1 - beta (s - s_R) of the fluid, 1/K for heat; 0 where it weighs nothing.
+    pub expansion: f64,
+    /// Value s_R at which gravity acts on the density rho, K for heat.
+    pub reference: f64,
 }
 
-/// Heat from the front and rear walls, q_l = coefficient (T_w - T).
+impl Scalar {
+    /// A scalar that weighs nothing, in the consistent form, without walls of a thin cell.
+    pub fn new(name: &str, capacity: f64, conductivity: f64) -> Self {
+        Self {
+            name: name.into(),
+            capacity,
+            conductivity,
+            thin_cell: None,
+            form: Form::Consistent,
+            expansion: 0.0,
+            reference: 0.0,
+        }
+    }
+}
+
+/// How the equation of a scalar is discretised.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Form {
+    /// The consistent Galerkin terms with streamline diffusion, as in the paper. Order 2.
+    #[default]
+    Consistent,
+    /// Storage and exchange are lumped in the Galerkin equations: storage and thin cell by the vertex rule, the points by the
+    /// sums of the rows. Where the exchange over a cell outweighs its diffusion, the consistent terms couple neighbours with
+    /// the wrong sign, and the scalar leaves the bounds that walls, grains and inflow set; the lumped ones cannot do that. Both
+    /// give the points the same, exchange it without loss, and are of order 2.
+    Lumped,
+    /// Lumped, and no value leaves the range of those around it, before and beside: fronts then stay within their bounds,
+    /// which streamline diffusion does not ensure. Instead of it the matrix gets the least symmetric diffusion between
+    /// neighbours that leaves no positive entry beside the diagonal ([`crate::assembly::System::upwind`]). Nothing is lost on
+    /// the way; of order 1 where convection outweighs diffusion along edges, else of order 2.
+    Monotone,
+}
+
+/// Exchange with the front and rear walls, q_l = coefficient (s_w - s).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct ThinCellHeat {
-    /// lambda, W/m3/K.
+pub struct ThinCell {
+    /// lambda, W/m3/K for heat.
     pub coefficient: f64,
-    /// T_w, K.
-    pub temperature: f64,
+    /// s_w, K for heat.
+    pub value: f64,
 }
 
 /// All that the equation needs to know of one cell.
@@ -56,37 +87,37 @@ pub struct Cell<const D: usize, const B: usize> {
     pub velocity: [Vector<D>; B],
     /// Values of the last accepted step.
     pub old: [f64; B],
-    /// The bodies in the cell.
-    pub exchange: Option<CellHeat<B>>,
+    /// The points in the cell.
+    pub exchange: Option<CellScalar<B>>,
     /// Source per volume at the nodes (manufactured solutions).
     pub source: Option<[f64; B]>,
 }
 
-/// Sums over the pieces in one cell, shape functions phi at the pieces and s the share of the body.
-pub struct CellHeat<const B: usize> {
-    /// sum s hA (1 - aT hA) phi_a phi_b.
+/// Sums over the points in one cell, with the shape functions phi at the points.
+pub struct CellScalar<const B: usize> {
+    /// sum h (1 - a h) phi_a phi_b.
     exchange: [[f64; B]; B],
-    /// sum s hA bT phi_a.
+    /// sum h c phi_a.
     given: [f64; B],
 }
 
-impl<const B: usize> CellHeat<B> {
-    /// The sums of one cell; `None` if no body is there.
+impl<const B: usize> CellScalar<B> {
+    /// The sums of one cell; `None` if no point is there.
     pub fn gather<const D: usize>(
-        pieces: &Pieces<D>,
-        load: &HeatExchange<'_>,
-        sorted: &PiecesByCell,
+        points: &Points<D>,
+        columns: &PointScalar,
+        sorted: &PointsByCell,
         cell: usize,
     ) -> Option<Self> {
         let mut inside = sorted.of(cell).peekable();
         inside.peek()?;
         let mut sum = Self { exchange: [[0.0; B]; B], given: [0.0; B] };
-        for (piece, body) in inside {
-            let phi = pieces.shape::<B>(piece);
-            let coefficient = pieces.share[piece] * load.coefficient[body];
-            let slip = coefficient * (1.0 - load.mobility[body] * load.coefficient[body]);
+        for q in inside {
+            let phi = points.shape::<B>(q);
+            let coefficient = columns.coefficient[q];
+            let slip = coefficient * (1.0 - columns.mobility[q] * coefficient);
             for a in 0..B {
-                sum.given[a] += coefficient * load.temperature[body] * phi[a];
+                sum.given[a] += coefficient * columns.value[q] * phi[a];
                 for b in 0..B {
                     sum.exchange[a][b] += slip * phi[a] * phi[b];
                 }
@@ -109,9 +140,11 @@ pub fn assemble<const D: usize, const B: usize>(
     let mass = weighted_mass(measure, &cell.voidage);
     let load = weighted_load(measure, &cell.voidage);
     let plain = weighted_mass(measure, &[1.0; B]);
-    let on_diagonal = |entries: [f64; B], consistent: [[f64; B]; B]| match scalar.lumped {
-        true => std::array::from_fn(|a| std::array::from_fn(|b| if a == b { entries[a] } else { 0.0 })),
-        false => consistent,
+    let on_diagonal = |entries: [f64; B], consistent: [[f64; B]; B]| match scalar.form {
+        Form::Consistent => consistent,
+        Form::Lumped | Form::Monotone => {
+            std::array::from_fn(|a| std::array::from_fn(|b| if a == b { entries[a] } else { 0.0 }))
+        }
     };
     let storage = on_diagonal(cell.voidage.map(|eps| measure / B as f64 * eps), mass);
     let diffusion = scalar.conductivity * load.iter().sum::<f64>();
@@ -152,11 +185,11 @@ pub fn assemble<const D: usize, const B: usize>(
     if let Some(wall) = scalar.thin_cell {
         let rows = plain.map(|row| row.map(|entry| wall.coefficient * entry));
         let share = wall.coefficient * measure / B as f64;
-        add(&on_diagonal([share; B], rows), &[share * wall.temperature; B]);
+        add(&on_diagonal([share; B], rows), &[share * wall.value; B]);
     }
-    if let Some(bodies) = &cell.exchange {
-        let rows = bodies.exchange.map(|row| row.iter().sum());
-        add(&on_diagonal(rows, bodies.exchange), &bodies.given);
+    if let Some(points) = &cell.exchange {
+        let rows = points.exchange.map(|row| row.iter().sum());
+        add(&on_diagonal(rows, points.exchange), &points.given);
     }
     if let Some(source) = &cell.source {
         let rhs = std::array::from_fn(|a| (0..B).map(|b| plain[a][b] * source[b]).sum());
@@ -172,7 +205,7 @@ pub fn assemble<const D: usize, const B: usize>(
 
 /// xi_T U . grad phi_a with U the velocity at the centroid (A.9, A.12); zero where the values are kept monotone.
 fn upwind<const D: usize, const B: usize>(cell: &Cell<D, B>, scalar: &Scalar, dt: f64) -> [f64; B] {
-    if scalar.monotone {
+    if scalar.form == Form::Monotone {
         return [0.0; B];
     }
     let direction = cell.velocity.iter().sum::<Vector<D>>() / B as f64;

@@ -6,14 +6,16 @@ use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
-use voidage_coupling::backend::{FluidStep, GrainLoad, HeatLoad, Immersed};
+use voidage_coupling::backend::{FluidStep, Immersed, Solution};
+use voidage_coupling::exchange::{OnMesh, Rigid};
 use voidage_coupling::launch::Host;
+use voidage_coupling::load::{GrainLoad, HeatLoad};
 use voidage_coupling::overlap::{self, Overlap};
 use voidage_coupling::protocol::{Header, Kind};
 use voidage_coupling::transport::{self, Address};
-use voidage_coupling::{Scene, build};
+use voidage_coupling::{HEAT, Scene, build};
 use voidage_fluid::Vector;
-use voidage_fluid::exchange::AtBodies;
+use voidage_fluid::points::Points;
 
 const BED: &str = include_str!("bed.toml");
 /// A run that only ends by force.
@@ -268,8 +270,8 @@ fn a_solver_that_dies_before_its_hello_ends_the_run() {
     }
 }
 
-/// So many grains all over a mesh, with what a step needs of them.
-fn crowd(mesh: &voidage_fluid::Mesh<2>, count: usize) -> (Vec<Vector<2>>, Vec<f64>, GrainLoad<2>) {
+/// So many grains all over a mesh, as a step has them.
+fn crowd(mesh: &voidage_fluid::Mesh<2>, count: usize) -> (Points<2>, Vec<f64>) {
     let (lower, upper) = mesh.bounds();
     // Multiples of irrational numbers lie evenly.
     let place = |i: usize, k: usize| 0.05 + 0.9 * (i as f64 * [0.754_877_666, 0.569_840_290][k]).fract();
@@ -293,9 +295,12 @@ fn crowd(mesh: &voidage_fluid::Mesh<2>, count: usize) -> (Vec<Vector<2>>, Vec<f6
         ..GrainLoad::default()
     };
     let radius = vec![0.3 * (area * each).sqrt(); count];
-    Overlap::new(mesh).unwrap().cut(mesh, &position, &radius, &mut load.pieces).unwrap();
+    Overlap::new(mesh).unwrap().cut(mesh, &position, &radius, &mut load.pieces, &mut vec![]).unwrap();
     overlap::voidage(mesh, &load.pieces, &load.volume, &mesh.nodal_volume(), &mut load.voidage);
-    (position, radius, load)
+    let rigid = Rigid { fluid: OnMesh { mesh, fields: &at_rest(mesh) }, density: 1.2, dt: 1e-3 };
+    let mut points = Points::default();
+    load.fill_points(&rigid, (HEAT, 1), &mut points);
+    (points, load.voidage)
 }
 
 #[test]
@@ -319,22 +324,22 @@ fn grains_may_grow_in_number_by_a_hundred_times_during_a_run() {
         let here = scene(&["fluid.solver.tolerance=1e-13"]);
         let mut backends = [&here, &remote].map(|scene| build::backend(scene, &host).unwrap());
         let start = at_rest(&fluid.mesh);
-        backends.iter_mut().for_each(|backend| backend.start(&fluid.mesh, &start).unwrap());
+        backends.iter_mut().for_each(|backend| backend.set_mesh(&fluid.mesh, 1, &start).unwrap());
         for (number, count) in (1..).zip([50, 5_000, 70, 5_000]) {
-            let (position, radius, load) = crowd(&fluid.mesh, count);
-            let grains = Some(Immersed { position: &position, radius: &radius, load: &load });
+            let (points, voidage) = crowd(&fluid.mesh, count);
+            let immersed = Some(Immersed { points: &points, voidage: &voidage });
             let (time, conditions) = (1e-3 * (number - 1) as f64, &fluid.conditions[..]);
-            let step = FluidStep { number, time, dt: 1e-3, grains, conditions, motion: None };
+            let step = FluidStep { number, time, dt: 1e-3, immersed, conditions, motion: None };
             let [ours, theirs] = backends.each_mut().map(|backend| {
-                let mut at = AtBodies::default();
-                backend.solve(&step, &mut at).unwrap();
+                let mut solution = Solution::default();
+                backend.solve(&step, &mut solution).unwrap();
                 backend.accept();
-                at
+                (solution.fields, solution.balances)
             });
-            assert_eq!(theirs.velocity.len(), count);
             if solver == "serve" {
                 assert_eq!(theirs, ours);
             }
+            let (ours, theirs) = (ours.0, theirs.0);
             let largest = ours.velocity.iter().fold(0.0, |most: f64, u| most.max(u.norm()));
             for (a, b) in ours.velocity.iter().zip(&theirs.velocity) {
                 assert!((a - b).norm() <= 1e-9 * largest, "{solver}: {a} {b}");
@@ -349,7 +354,7 @@ fn at_rest(mesh: &voidage_fluid::Mesh<2>) -> voidage_fluid::flow::State<2> {
     voidage_fluid::flow::State {
         velocity: vec![Vector::zeros(); nodes],
         pressure: vec![0.0; nodes],
-        temperature: Some(vec![290.0; nodes]),
+        scalars: vec![vec![290.0; nodes]],
     }
 }
 

@@ -4,13 +4,12 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use voidage_coupling::backend::{FluidBackend, FluidReport, FluidStep};
+use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
 use voidage_coupling::protocol::StepMessage;
 use voidage_coupling::renewal::Remesh;
 use voidage_coupling::scene::{Cohesion, Conduction, Coordinates, MeshMotion, ThinCell};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Fluid, Result, Scene, Simulation};
-use voidage_fluid::exchange::AtBodies;
+use voidage_coupling::{Result, Scene, Simulation};
 use voidage_fluid::flow::State;
 use voidage_fluid::mesh::Mesh;
 
@@ -94,7 +93,7 @@ fn without_heat_there_is_no_temperature() {
     let (cold, cold_bytes) = build(&without);
     let view = cold.view();
     assert!(view.grains.expect("grains").temperature.is_none());
-    assert!(view.fluid.expect("fluid").temperature.is_none());
+    assert!(view.fluid.expect("fluid").scalars.is_empty());
     let interaction = cold.coupled().interaction.as_ref().expect("both");
     assert!(interaction.load.heat.is_none() && interaction.at.temperature.is_empty());
     assert!(interaction.heat.is_empty());
@@ -105,7 +104,7 @@ fn without_heat_there_is_no_temperature() {
     let fluid = cold.coupled().fluid.as_ref().expect("fluid");
     let nodes = fluid.mesh.points.len();
     assert!(warm_bytes > cold_bytes + 8 * nodes * (2 + 7 + 7), "{warm_bytes} {cold_bytes}");
-    assert!(warm.view().fluid.expect("fluid").temperature.is_some());
+    assert!(!warm.view().fluid.expect("fluid").scalars.is_empty());
 }
 
 fn without_fluid_there_is_no_mesh() {
@@ -143,7 +142,7 @@ struct Part {
 /// What a part adds to a plain bed.
 #[derive(Default)]
 struct Added {
-    /// Numbers on the wire by grain and by node, in a step.
+    /// Numbers on the wire by point and by node, in a step.
     wire: [usize; 2],
     /// Numbers in memory by grain and by node, at least.
     memory: [usize; 2],
@@ -157,13 +156,15 @@ struct Added {
 struct Counted {
     grains: usize,
     nodes: usize,
+    /// Rows of the columns of points, with those that fill them up.
+    points: usize,
     /// Bytes in use after it.
     bytes: usize,
     /// Allocations of a step when all buffers have been made.
     allocations: usize,
     /// Numbers that it would send to another process.
     wire: usize,
-    /// Solutions of the fluid, iterations of its energy equation, numbers of heat that came back.
+    /// Solutions of the fluid, iterations of its energy equation, scalars that its points exchange.
     calls: [usize; 3],
     phases: Vec<&'static str>,
 }
@@ -230,12 +231,12 @@ const PARTS: &[Part] = &[
     Part {
         name: "lagged: a second law",
         on: |scene| coupling(scene).scheme = SchemeName::Lagged,
-        adds: Added { wire: [3, 0], memory: [3, 0], ..NOTHING },
+        adds: Added { memory: [3, 0], ..NOTHING },
     },
     Part {
         name: "iterated: two laws, what is carried",
         on: |scene| coupling(scene).scheme = SchemeName::Iterated,
-        adds: Added { wire: [3, 0], memory: [7, 0], ..NOTHING },
+        adds: Added { memory: [7, 0], ..NOTHING },
     },
 ];
 
@@ -294,7 +295,8 @@ fn show(name: &str, counted: &Counted, base: &Counted) {
 
 fn compare(name: &str, adds: &Added, with: &Counted, base: &Counted) {
     let numbers = |[by_grain, by_node]: [usize; 2]| by_grain * base.grains + by_node * base.nodes;
-    assert_eq!(with.wire, base.wire + numbers(adds.wire), "{name}: numbers on the wire");
+    let wire = base.wire + adds.wire[0] * base.points + adds.wire[1] * base.nodes;
+    assert_eq!(with.wire, wire, "{name}: numbers on the wire");
     // The text of the scene differs by some letters.
     let least = base.bytes + 8 * numbers(adds.memory) - 64;
     // What the part needs, and as much again for its working memory; the rest of the scene stays as it is.
@@ -312,14 +314,17 @@ fn count(scene: &Scene) -> Counted {
     let before = BYTES.load(Ordering::Relaxed);
     let mut simulation = Simulation::new(scene).expect("a valid scene");
     let counts = Arc::new(Counts::default());
-    let fluid = simulation.coupled_mut().fluid.take().expect("a fluid");
+    let mut fluid = simulation.coupled_mut().fluid.take().expect("a fluid");
     let nodes = fluid.mesh.points.len();
-    let backend = Box::new(Spy { inner: fluid.backend, counts: counts.clone() });
-    simulation.coupled_mut().fluid = Some(Fluid { backend, ..fluid });
+    let inner = fluid.backend;
+    fluid.backend = Box::new(Spy { inner, counts: counts.clone() });
+    simulation.coupled_mut().fluid = Some(fluid);
     simulation.step().expect("a step");
     let bytes = BYTES.load(Ordering::Relaxed) - before;
     let calls = [&counts.solves, &counts.energy, &counts.heat].map(|count| count.load(Ordering::Relaxed));
     let wire = counts.wire.load(Ordering::Relaxed);
+    let points = simulation.coupled().interaction.as_ref().map_or(0, |both| both.points.len());
+    let points = points.next_multiple_of(8);
     for _ in 0..5 {
         simulation.step().expect("a step");
     }
@@ -329,7 +334,7 @@ fn count(scene: &Scene) -> Counted {
     let phases = simulation.totals().phases.named().into_iter();
     let phases = phases.filter(|(_, seconds)| *seconds > 0.0).map(|(name, _)| name).collect();
     let grains = simulation.coupled().grains.as_ref().map_or(0, |grains| grains.particles.len());
-    Counted { grains, nodes, bytes, allocations, wire, calls, phases }
+    Counted { grains, nodes, points, bytes, allocations, wire, calls, phases }
 }
 
 #[derive(Default)]
@@ -347,25 +352,22 @@ struct Spy {
 }
 
 impl FluidBackend<2> for Spy {
-    fn start(&mut self, mesh: &Arc<Mesh<2>>, fields: &State<2>) -> Result<()> {
-        self.inner.start(mesh, fields)
+    fn set_mesh(&mut self, mesh: &Mesh<2>, generation: u32, fields: &State<2>) -> Result<()> {
+        self.inner.set_mesh(mesh, generation, fields)
     }
 
-    fn solve(&mut self, step: &FluidStep<'_, 2>, out: &mut AtBodies<2>) -> Result<FluidReport<2>> {
+    fn solve(&mut self, step: &FluidStep<'_, 2>, out: &mut Solution<2>) -> Result<()> {
         let length = StepMessage::new(step, String::new()).header(false, 1).length;
         self.counts.wire.store(length as usize, Ordering::Relaxed);
-        let report = self.inner.solve(step, out)?;
+        self.inner.solve(step, out)?;
         self.counts.solves.fetch_add(1, Ordering::Relaxed);
-        self.counts.energy.fetch_add(report.solver.heat_iterations, Ordering::Relaxed);
-        self.counts.heat.fetch_add(out.temperature.len(), Ordering::Relaxed);
-        Ok(report)
+        self.counts.energy.fetch_add(out.report.scalar_iterations, Ordering::Relaxed);
+        let exchanged = step.immersed.iter().flat_map(|immersed| immersed.points.scalars.iter().flatten());
+        self.counts.heat.fetch_add(exchanged.count(), Ordering::Relaxed);
+        Ok(())
     }
 
     fn accept(&mut self) {
         self.inner.accept()
-    }
-
-    fn fields(&mut self) -> Result<State<2>> {
-        self.inner.fields()
     }
 }

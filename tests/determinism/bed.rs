@@ -18,8 +18,8 @@ fn bits(threads: usize, scheme: &str) -> Vec<u64> {
         simulation.refresh().expect("fields");
         let view = simulation.view();
         let (grains, fluid) = (view.grains.expect("grains"), view.fluid.expect("fluid"));
-        let vectors = grains.position.iter().chain(grains.velocity).chain(fluid.velocity);
-        let scalars = grains.temperature.expect("heat").iter().chain(fluid.pressure);
+        let vectors = grains.position.iter().chain(grains.velocity).chain(&fluid.fields.velocity);
+        let scalars = grains.temperature.expect("heat").iter().chain(&fluid.fields.pressure);
         let all = vectors.flat_map(|v| [v.x, v.y]).chain(scalars.copied());
         all.map(f64::to_bits).collect()
     })

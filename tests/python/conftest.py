@@ -1,4 +1,4 @@
-"""Meshes, random grains, and the solvers that this interpreter can run."""
+"""Meshes, random points, and the solvers that this interpreter can run."""
 
 import importlib
 import itertools
@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "coupling" / "python"))
 
 from voidage.cells import Cells
-from voidage.solver import Fields, GrainHeat, Grains, Pieces, Problem
+from voidage.solver import Fields, Points, PointScalar, Problem
 
 
 def box(n: int, dimension: int, lower: float = 0.0, upper: float = 1.0):
@@ -61,30 +61,35 @@ def _facets(points, cells, axis, value, outward):
     return facets
 
 
-def scatter(rng, points, cells, held: bool = False, within: int | None = None):
-    """Random grains in up to four pieces each, in the first cells, and the voidage they make."""
-    count = 25
-    mesh, dimension = Cells(points, cells), points.shape[1]
-    first = np.concatenate(([0], rng.integers(1, 5, count).cumsum()))
-    cell = rng.integers(0, within or len(cells), first[-1])
-    shape, share = rng.dirichlet(np.ones(dimension + 1), len(cell)), rng.random(len(cell)) + 0.1
-    share /= np.repeat(np.add.reduceat(share, first[:-1]), np.diff(first))
-    pieces = Pieces(first, cell, shape, share)
-    volume = 0.2 * mesh.measure[:within].sum() / count * rng.random(count)
-    drag, transfer = rng.random((2, count))
+def scatter(rng, points, cells, held=False, within: int | None = None, scalars: int = 0):
+    """Random points, in the first cells, that exchange all of so many scalars, and the voidage they
+    make."""
+    count, dimension, mesh = 60, points.shape[1], Cells(points, cells)
     still = 0.0 if held else 1.0
-    grains = Grains(
+
+    def law():
+        """Coefficient and mobility."""
+        coefficient = rng.random(count)
+        return coefficient, still * 0.9 * rng.random(count) / coefficient
+
+    cell = rng.integers(0, within or len(cells), count)
+    shape = rng.dirichlet(np.ones(dimension + 1), count)
+    volume = 0.2 * mesh.measure[:within].sum() / count * rng.random(count)
+    drag, mobility = law()
+    immersed = Points(
+        cell,
+        shape,
         volume,
         drag,
-        still * 0.9 * rng.random(count) / drag,
+        mobility,
         still * rng.standard_normal((count, dimension)),
-        GrainHeat(
-            transfer, still * 0.9 * rng.random(count) / transfer, 300 + 20 * rng.random(count)
-        ),
+        mobility * rng.random(count),
+        still * rng.standard_normal((count, dimension)),
+        tuple(PointScalar(*law(), 300 + 20 * rng.random(count)) for _ in range(scalars)),
     )
     solid = np.zeros(len(points))
-    np.add.at(solid, cells[cell], (share * np.repeat(volume, np.diff(first)))[:, None] * shape)
-    return grains, pieces, np.maximum(1 - solid / mesh.nodal_volume, 1e-8)
+    np.add.at(solid, cells[cell], volume[:, None] * shape)
+    return immersed, np.maximum(1 - solid / mesh.nodal_volume, 1e-8)
 
 
 def problem(n: int, dimension: int, lower: float = 0.0, upper: float = 1.0, **changes) -> Problem:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,8 +91,8 @@ def test_a_restart_gives_the_solver_a_state(address, tmp_path):
     assert run.join()["momentum_exchange_defect"] < 1e-12
 
 
-def to_step(peer, run_one=False):
-    """Answers until the first step, and returns its frame."""
+def to_step(peer):
+    """Answers until the first step, and returns its frame and a driver of a dummy."""
     driver = adapter.Driver(Dummy(), peer.setup)
     while True:
         frame = peer.receive(5.0)
@@ -102,85 +103,80 @@ def to_step(peer, run_one=False):
             return driver, frame
 
 
-def reply(peer, frame):
-    """An answer of zeros to a step."""
-    grains = len(frame["radius"])
-    answer = peer.solution(grains, "heat_coefficient" in frame)
-    answer["velocity"] = answer["pressure_gradient"] = np.zeros((grains, 2))
-    answer["temperature"] = np.full(grains, 290.0)
-    answer.report(voidage.Report(force=np.zeros(2)))
-    return answer
+def reply(driver, peer, frame):
+    """An answer to a step."""
+    columns = frame.dt, frame.text, frame.points(), frame.voidage(), frame.motion()
+    peer.send(driver.solve(*columns))
 
 
 def test_views_of_a_frame_are_read_only_and_keep_its_memory(address):
     run = Run(address, lambda simulation: simulation.run(until=0.006))
     peer = voidage.Peer(address, "test")
-    _, frame = to_step(peer)
-    position, drag = frame["position"], frame["drag"][::2]
-    assert position.shape == (40, 2) and position.base is frame
-    assert set(frame.keys()) >= {"position", "radius", "volume", "drag", "mobility", "velocity"}
+    driver, frame = to_step(peer)
+    points = frame.points()
+    velocity, drag = points["velocity"], points["drag"][::2]
+    count = len(points["cell"])
+    assert count >= 40 and velocity.shape == (count, 2) and velocity.base is not None
+    names = {"cell", "shape", "volume", "drag", "mobility", "velocity"}
+    assert points.keys() == names | {"flux_mobility", "flux_velocity", "scalars"}
+    assert points["shape"].shape == (count, 3) and points["cell"].dtype.kind == "i"
+    assert [len(column) for column in points["scalars"][0]] == [count] * 3
     with pytest.raises(ValueError, match="read-only"):
-        position[0] = 1.0
+        velocity[0] = 1.0
     with pytest.raises(ValueError):
-        position.flags.writeable = True
-    with pytest.raises(KeyError, match="no column `pressure` here"):
-        frame["pressure"]
-    copies = position.copy(), drag.copy()
+        velocity.flags.writeable = True
+    copies = velocity.copy(), drag.copy()
+    del points
     for _ in range(5):  # the run writes its next frames; ours must stay where it is
-        peer.send(reply(peer, frame))
+        reply(driver, peer, frame)
         del frame
         gc.collect()
         frame = peer.receive(5.0)
-        np.testing.assert_array_equal(position, copies[0])
+        np.testing.assert_array_equal(velocity, copies[0])
         np.testing.assert_array_equal(drag, copies[1])
-    peer.send(reply(peer, frame))
+    reply(driver, peer, frame)
     while frame.kind != "bye":
         frame = peer.receive(5.0)
     del peer
     run.join()
-    np.testing.assert_array_equal(position, copies[0])
+    np.testing.assert_array_equal(velocity, copies[0])
 
 
-def test_an_answer_is_sent_whole_and_only_without_views(address):
+def changed(solution, **fields):
+    """The solution with other fields."""
+    return replace(solution, fields=replace(solution.fields, **fields))
+
+
+def test_a_solution_is_checked_before_it_is_sent(address):
     run = Run(address, lambda simulation: simulation.step())
     peer = voidage.Peer(address, "test")
-    _, frame = to_step(peer)
-    answer = peer.solution(40, True)
-    answer["velocity"] = np.zeros((40, 2))
-    with pytest.raises(ValueError, match="`temperature` of the answer was not written"):
-        peer.send(answer)
-    for name, value in [("velocity", np.zeros(2)), ("temperature", np.full(40, np.nan))]:
-        with pytest.raises(ValueError, match=f"`{name}`"):
-            answer[name] = value
-    view = answer["temperature"]
-    view[:] = 291.0
-    answer["pressure_gradient"] = np.zeros((40, 2))
-    with pytest.raises(ValueError, match="the report of the answer was not written"):
-        peer.send(answer)
-    answer.report(voidage.Report(force=np.zeros(2)))
-    part = view[3:5]
-    del view
-    with pytest.raises(BufferError, match="still in use"):
-        peer.send(answer)
-    del part
-    peer.send(answer)
-    for use in (lambda: answer["velocity"], lambda: peer.send(answer)):
-        with pytest.raises(RuntimeError, match="has been sent"):
-            use()
+    driver, frame = to_step(peer)
+    columns = frame.dt, frame.text, frame.points(), frame.voidage(), frame.motion()
+    solution = driver.solve(*columns)
+    nan = np.full_like(solution.fields.pressure, np.nan)
+    wrong = {"velocity": np.zeros(2), "pressure": nan, "scalars": ()}
+    for name, value in wrong.items():
+        with pytest.raises(ValueError):
+            peer.send(changed(solution, **{name: value}))
+    peer.send(solution)
     assert peer.receive(5.0).kind == "bye"
     run.join()
     assert run.error is None
 
 
-def test_an_answer_that_is_never_sent_harms_nobody(address):
+def test_balances_reach_the_run(address):
+    class Balanced(Dummy):
+        def solve(self, step):
+            solution = super().solve(step)
+            found = {
+                condition.boundary: voidage.Balance(k, np.array([1.0, k]), (2.0 * k,), (3.0 * k,))
+                for k, condition in enumerate(step.conditions)
+            }
+            return replace(solution, balances=dict(reversed(found.items())))
+
     run = Run(address, lambda simulation: simulation.step())
-    peer = voidage.Peer(address, "test")
-    _, frame = to_step(peer)
-    view = peer.solution(40, True)["velocity"]
-    peer.send(reply(peer, frame))
-    assert peer.receive(5.0).kind == "bye"
+    adapter.serve(Balanced, address)
     run.join()
-    view[:] = 1.0
     assert run.error is None
 
 
@@ -283,13 +279,13 @@ def test_frames_that_are_kept_for_long(address):
     """More of them than there is room for are an error here, and end the run; nothing is overwritten."""
     run = Run(address, lambda simulation: simulation.run(until=0.02))
     peer = voidage.Peer(address, "test")
-    _, frame = to_step(peer)
+    driver, frame = to_step(peer)
     kept, copies = [], []
     try:
         for _ in range(10):
-            kept.append(frame["velocity"])
+            kept.append(frame.points()["velocity"])
             copies.append(kept[-1].copy())
-            peer.send(reply(peer, frame))
+            reply(driver, peer, frame)
             frame = peer.receive(5.0)
     except RuntimeError as error:
         assert "cannot receive" in str(error)

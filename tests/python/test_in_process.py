@@ -18,22 +18,6 @@ def test_the_dummy_blows_its_stream():
     np.testing.assert_allclose(simulation.fluid["pressure"], heavy, atol=1e-12)
 
 
-class Unsummed(Dummy):
-    """Does not sum what it gives to the grains."""
-
-    def solve(self, step):
-        at, report = super().solve(step)
-        report.force = np.zeros(0)
-        return at, report
-
-
-def test_defects_are_not_known_where_the_solver_does_not_sum():
-    simulation = voidage.Simulation(BED, fluid=Unsummed())
-    report = simulation.run(until=0.003)
-    assert not {"momentum_exchange_defect", "energy_exchange_defect"} & set(report)
-    assert report["solid_volume_defect"] < 1e-12
-
-
 @pytest.mark.parametrize("name", ["scikit_fem:ScikitFem", "fenicsx:FEniCSx"])
 def test_a_moving_mesh_reaches_a_solver_in_this_process(name):
     module, solver = name.split(":")
@@ -84,30 +68,36 @@ class Watched(Dummy):
 def test_a_solver_gets_all_of_the_scene_and_may_keep_it():
     solver = Watched()
     simulation = voidage.Simulation(BED, fluid=solver)
+    volume = simulation.grains["volume"]
     simulation.run(until=0.003)
     del simulation
     gc.collect()
     problem, *steps = solver.given
     assert problem.points.shape == (111, 2) and problem.cells.shape == (180, 3)
     assert problem.density == 1.204 and problem.gravity.tolist() == [0.0, -9.81]
-    assert problem.heat.capacity == 1.204 * 1010 and problem.heat.reference == 290.0
-    assert problem.fields.temperature.tolist() == [290.0] * 111
+    [scalar] = problem.scalars
+    assert scalar.name == "temperature" and scalar.capacity == 1.204 * 1010
+    assert scalar.reference == 290.0
+    assert [values.tolist() for values in problem.fields.scalars] == [[290.0] * 111]
     kinds = {
-        c.boundary: (type(c.flow).__name__, type(c.heat).__name__) for c in steps[0].conditions
+        c.boundary: (type(c.flow).__name__, type(c.scalar(0)).__name__)
+        for c in steps[0].conditions
     }
     assert kinds == {
-        "outflow": ("Open", "OpenHeat"),
-        "inflow": ("SuperficialVelocity", "Temperature"),
-        "nozzle": ("NoSlip", "Adiabatic"),
-        "walls": ("Slip", "Newton"),
+        "outflow": ("Open", "Outflow"),
+        "inflow": ("SuperficialVelocity", "Value"),
+        "nozzle": ("NoSlip", "Insulated"),
+        "walls": ("Slip", "Transfer"),
     }
+    solid = volume.sum()
     for step in steps:
-        assert step.dt == 1e-3 and step.grains.heat.coefficient.shape == (40,)
-        total = np.bincount(np.repeat(np.arange(40), np.diff(step.pieces.first)), step.pieces.share)
-        np.testing.assert_allclose(total, 1.0, rtol=1e-12)
-        np.testing.assert_allclose(step.pieces.shape.sum(axis=1), 1.0, rtol=1e-12)
+        points, [heat] = step.points, step.points.scalars
+        count = len(points.cell)
+        assert step.dt == 1e-3 and count >= 40 and heat.coefficient.shape == (count,)
+        assert points.volume.sum() == pytest.approx(solid, rel=1e-12)
+        np.testing.assert_allclose(points.shape.sum(axis=1), 1.0, rtol=1e-12)
         with pytest.raises(ValueError, match="read-only"):
-            step.grains.drag[0] = 0.0
+            points.drag[0] = 0.0
 
 
 def test_conditions_follow_the_ramp():
@@ -134,9 +124,9 @@ def change(**methods):
 
 
 def diverged(self, step):
-    at, report = Dummy.solve(self, step)
-    at.velocity[7] = np.inf
-    return at, report
+    solution = Dummy.solve(self, step)
+    solution.fields.velocity[7] = np.inf
+    return solution
 
 
 def fail(self, *_):
@@ -164,7 +154,7 @@ def test_a_solver_that_does_not_take_the_mesh():
         voidage.Simulation(BED, fluid=change(set_mesh=fail))
 
 
-def test_a_solver_has_four_methods():
+def test_a_solver_has_three_methods():
     with pytest.raises(TypeError, match="without a method `set_mesh`"):
         voidage.Simulation(BED, fluid=object())
 

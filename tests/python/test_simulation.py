@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import voidage
-from voidage.solver import Heat, Problem
+from voidage.solver import Problem, Scalar
 
 ROOT = Path(__file__).parents[2]
 BED = ROOT / "tests" / "cases" / "bed.toml"
@@ -157,17 +157,17 @@ def test_defaults_are_those_of_a_scene(program):
     tables = schema["$defs"]
     python = {
         field.name: field.default
-        for table in (Problem, Heat)
+        for table in (Problem, Scalar)
         for field in dataclasses.fields(table)
         if field.default is not dataclasses.MISSING
     }
     compared = 0
-    for table in ("FluidSolver", "FluidHeat"):
+    for table in ("FluidSolver", "FluidHeat", "FluidScalar"):
         for key, described in tables[table]["properties"].items():
             if key in python and "default" in described:
                 assert python[key] == described["default"], key
                 compared += 1
-    assert compared >= 4
+    assert compared >= 6
 
 
 def test_a_run_that_fails_is_a_runtime_error(bed):

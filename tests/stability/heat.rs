@@ -1,14 +1,13 @@
 //! Temperatures of grains that conduct strongly among themselves, in steps far above their relaxation time in the gas.
 
 use voidage::models::{FluidSet, Vec2, grid};
-use voidage_coupling::Coupled;
 use voidage_coupling::closure::{Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::{Coupled, TEMPERATURE};
 use voidage_dem::packing::{Amount, Fill, Lattice, Radii, Region, lattice};
 use voidage_dem::{Conduction, Dem, Material, Settings, Wall};
-use voidage_fluid::conditions::{FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::flow::HeatProperties;
-use voidage_fluid::transport::Scalar;
+use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
+use voidage_fluid::transport::{Form, Scalar};
 
 const DIAMETER: f64 = 1e-3;
 const WIDTH: f64 = 6.0 * DIAMETER;
@@ -55,14 +54,13 @@ fn bed(conductivity: f64, [inflow, gas, cold, hot]: [f64; 4]) -> (Coupled<2>, f6
         .flow("right", FlowCondition::Slip)
         .flow("bottom", blown)
         .flow("top", FlowCondition::Open { pressure: 0.0 });
-    let scalar = Scalar { capacity, conductivity: conducts, thin_cell: None, lumped: true, monotone: false };
-    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
+    set.scalars = vec![Scalar { form: Form::Lumped, ..Scalar::new(TEMPERATURE, capacity, conducts) }];
     for condition in &mut set.conditions {
-        condition.heat = match condition.boundary.as_str() {
-            "bottom" => HeatCondition::Temperature(Prescribed::Uniform(inflow)),
-            "top" => HeatCondition::Open { temperature: Some(inflow) },
-            _ => HeatCondition::Adiabatic,
-        };
+        condition.scalars = vec![match condition.boundary.as_str() {
+            "bottom" => ScalarCondition::Value(Prescribed::Uniform(inflow)),
+            "top" => ScalarCondition::Outflow { outside: Some(inflow) },
+            _ => ScalarCondition::Insulated,
+        }];
     }
     let mesh = grid([WIDTH, 2.0 * WIDTH], [6, 12]).expect("a mesh");
     let start = set.rest(&mesh, gas);

@@ -2,14 +2,13 @@
 
 use approx::assert_relative_eq;
 use voidage::models::{FluidSet, SlipBox, Vec2, grains, grid, hot_grains, one_per_cell, weightless};
-use voidage_coupling::backend::Law;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use voidage_coupling::load::Law;
 use voidage_coupling::scheme::{Scheme, SchemeName};
-use voidage_coupling::{Coupled, Result, StepReport};
+use voidage_coupling::{Coupled, HEAT, Result, StepReport, TEMPERATURE};
 use voidage_dem::{Conduction, Material, Settings};
-use voidage_fluid::conditions::{FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::flow::HeatProperties;
-use voidage_fluid::transport::Scalar;
+use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
+use voidage_fluid::transport::{Form, Scalar};
 
 const OPEN: FlowCondition<2> = FlowCondition::Open { pressure: 0.0 };
 const GRAVITY: f64 = 9.81;
@@ -89,10 +88,9 @@ fn slip_decays_by_the_exact_factor_of_each_scheme() {
     }
 }
 
-fn heat_properties(conductivity: f64) -> HeatProperties {
-    let scalar =
-        Scalar { capacity: 3.0 * 1000.0, conductivity, thin_cell: None, lumped: true, monotone: false };
-    HeatProperties { scalar, expansion: 0.0, reference: 0.0 }
+/// The same with storage and exchange lumped.
+fn lumped(scalar: Scalar) -> Scalar {
+    Scalar { form: Form::Lumped, ..scalar }
 }
 
 /// An insulated box: a homogeneous mixture at two temperatures. Returns it and the rates A/dt, B/dt.
@@ -100,7 +98,7 @@ fn heat_box(scheme: SchemeName, conduction: Option<Conduction>) -> (Coupled<2>, 
     // Neighbours across a diagonal, sqrt(2)/3 apart, just overlap.
     let (eta, radius) = (1e-2, f64::sqrt(2.0) / 6.0 + 1e-6);
     let mut set = FluidSet::new(3.0, eta);
-    set.heat = Some(heat_properties(0.5));
+    set.scalars = vec![lumped(Scalar::new(TEMPERATURE, 3.0 * 1000.0, 0.5))];
     let mesh = grid([4.0, 4.0], [4, 4]).unwrap();
     let start = set.rest(&mesh, 20.0);
     let material = Material {
@@ -125,9 +123,9 @@ fn heat_box(scheme: SchemeName, conduction: Option<Conduction>) -> (Coupled<2>, 
 }
 
 fn temperatures(system: &mut Coupled<2>) -> (Vec<f64>, Vec<f64>) {
-    let fields = system.fluid.as_mut().expect("fluid").backend.fields().expect("fields");
+    let fields = &system.fluid.as_ref().expect("fluid").accepted;
     let grains = system.grains.as_ref().expect("grains");
-    (fields.temperature.expect("heat"), grains.particles.heat.as_ref().expect("heat").temperature.clone())
+    (fields.scalar(HEAT).to_vec(), grains.particles.heat.as_ref().expect("heat").temperature.clone())
 }
 
 /// The same factors with capacities in place of masses.
@@ -198,15 +196,8 @@ fn a_grain_cools_in_a_stream_as_ranz_and_marshall_say() {
         .flow("bottom", FlowCondition::Slip)
         .flow("top", FlowCondition::Slip)
         .flow("right", OPEN);
-    let scalar = Scalar {
-        capacity: 1.1854 * 1007.0,
-        conductivity: 0.026,
-        thin_cell: None,
-        lumped: true,
-        monotone: false,
-    };
-    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 298.15 });
-    set.conditions[0].heat = HeatCondition::Temperature(Prescribed::Uniform(298.15));
+    set.scalars = vec![lumped(Scalar::new(TEMPERATURE, 1.1854 * 1007.0, 0.026))];
+    set.conditions[0].scalars = vec![ScalarCondition::Value(Prescribed::Uniform(298.15))];
     let mesh = grid([0.4, 0.2], [8, 4]).unwrap();
     let mut start = set.rest(&mesh, 298.15);
     start.velocity.fill(wind);
@@ -250,7 +241,7 @@ fn a_liquid_at_rest_between_held_grains_stays_at_rest() {
         system.step(1e-2).expect("a step");
     }
     let fluid = system.fluid.as_mut().expect("fluid");
-    let fields = fluid.backend.fields().expect("fields");
+    let fields = &fluid.accepted;
     for (x, (u, p)) in fluid.mesh.points.iter().zip(fields.velocity.iter().zip(&fields.pressure)) {
         assert!(u.norm() < 1e-9, "{u} at {x}");
         assert_relative_eq!(*p, 1000.0 * GRAVITY * (0.1 - x.y), epsilon = 1e-5);
@@ -288,7 +279,7 @@ fn the_pressure_drop_of_a_held_homogeneous_bed_is_that_of_its_drag_law() {
         Surroundings { slip, voidage: 1.0 - phi, diameter: 2.0 * radius, density: rho, viscosity: eta };
     let exact = phi * laws.drag.coefficient(&around, VoidageFunction::None) * slip / (1.0 - phi);
     let fluid = system.fluid.as_mut().expect("fluid");
-    let fields = fluid.backend.fields().expect("fields");
+    let fields = &fluid.accepted;
     let mean = |y: f64| {
         let at: Vec<f64> = (0..fluid.mesh.points.len())
             .filter(|&a| (fluid.mesh.points[a].y - y).abs() < 1e-9)
@@ -317,7 +308,7 @@ impl Scheme<2> for HeldAnchored {
         let velocity = (0..count).map(at).collect();
         load.continuity = Some(Law { mobility, velocity });
         coupled.solve_fluid(dt, &mut report)?;
-        coupled.accept(dt);
+        coupled.accept(dt, &mut report);
         Ok(report)
     }
 }

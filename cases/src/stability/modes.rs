@@ -11,11 +11,10 @@ use crate::models::{
 use crate::verify::Effort;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Coupled, Result};
+use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
 use voidage_dem::{Dem, Load, Material, Motion, Settings, Wall};
 use voidage_fluid::Mesh;
-use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition};
-use voidage_fluid::flow::HeatProperties;
+use voidage_fluid::conditions::{Condition, FlowCondition, ScalarCondition};
 use voidage_fluid::transport::Scalar;
 
 /// Grain over fluid density.
@@ -343,7 +342,11 @@ fn judge(deviation: f64, growth: f64, root: f64, tally: Tally) -> Sample {
 /// drag acts. The grains are free, or each rests on a wall with friction under its weight.
 fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Sample> {
     let mut set = fluid();
-    let rim = Condition { boundary: "rim".into(), flow: FlowCondition::Slip, heat: HeatCondition::Adiabatic };
+    let rim = Condition {
+        boundary: "rim".into(),
+        flow: FlowCondition::Slip,
+        scalars: vec![ScalarCondition::Insulated],
+    };
     set.conditions = vec![rim];
     let mesh = cake(24);
     let dt = mixture.step(&set, b);
@@ -404,7 +407,7 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
 fn relative_turn(system: &mut Coupled<2>, held: bool) -> Result<f64> {
     let mut turn = 0.0;
     if let Some(fluid) = &mut system.fluid {
-        turn = fluid.backend.fields()?.velocity[1].y;
+        turn = fluid.accepted.velocity[1].y;
     }
     if let (Some(grains), false) = (&system.grains, held) {
         let (x, v) = (grains.particles.position[10], grains.particles.velocity[10]);
@@ -424,8 +427,8 @@ fn heat_factor(ratio: f64, scheme: SchemeName, b: f64) -> f64 {
 fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     let (capacity, conductivity, radius) = (3000.0, 0.5, 0.2);
     let mut set = fluid();
-    let scalar = Scalar { capacity, conductivity, thin_cell: None, lumped: false, monotone: false };
-    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
+    let scalar = Scalar::new(TEMPERATURE, capacity, conductivity);
+    set.scalars = vec![Scalar { expansion: 0.0, reference: 0.0, ..scalar }];
     let mesh = grid([4.0, 4.0], [4, 4])?;
     let start = set.rest(&mesh, 20.0);
     let phi = std::f64::consts::PI * radius * radius / mesh.measure(0);
@@ -464,9 +467,8 @@ fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
 
 /// Of fluid and grains, K.
 fn temperature_difference(system: &mut Coupled<2>) -> Result<f64> {
-    let Some(fluid) = &mut system.fluid else { return Ok(f64::NAN) };
-    let fields = fluid.backend.fields()?;
-    let gas = fields.temperature.map_or(f64::NAN, |all| all[5]);
+    let Some(fluid) = &system.fluid else { return Ok(f64::NAN) };
+    let gas = fluid.accepted.scalar(HEAT).get(5).copied().unwrap_or(f64::NAN);
     let heat = system.grains.as_ref().and_then(|grains| grains.particles.heat.as_ref());
     Ok(gas - heat.map_or(f64::NAN, |heat| heat.temperature[3]))
 }

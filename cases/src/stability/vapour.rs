@@ -11,14 +11,13 @@ use crate::models::{Vec2, alike, bisect};
 use crate::verify::Effort;
 use voidage_coupling::closure::ThermalFluid;
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Coupled, Result};
+use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
 use voidage_dem::packing::{Amount, Fill, Lattice, Radii, Region, lattice};
 use voidage_dem::{Dem, Material, Settings, Wall};
 use voidage_fluid::Mesh;
-use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::flow::HeatProperties;
+use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
-use voidage_fluid::transport::Scalar;
+use voidage_fluid::transport::{Form, Scalar};
 
 /// Width and height of the box, height of the bed, place and radius of the disc, in diameters of a grain.
 const BOX: [f64; 2] = [24.0, 48.0];
@@ -91,7 +90,7 @@ fn blow(vapour: f64, step: f64, scheme: SchemeName, steps: usize) -> Result<Samp
             .max(report.energy_exchange_defect.unwrap_or(0.0));
         worst.penetration =
             report.grains.map_or(0.0, |g| worst.penetration.max(g.max_penetration_over_radius));
-        let [blown, left] = [-outflow(&mut system, "disc")?, outflow(&mut system, "top")?];
+        let [blown, left] = [-outflow(&system, "disc"), outflow(&system, "top")];
         worst.drift = worst.drift.max((left / blown - 1.0).abs());
         worst.look(&mut system)?;
         if worst.speed > RUNAWAY * bound {
@@ -127,7 +126,7 @@ impl Worst {
                 speeds.fold(self.speed, |most, v| if v.is_finite() { most.max(v) } else { f64::INFINITY });
         }
         if let Some(fluid) = &mut system.fluid {
-            fluid.backend.fields()?.temperature.iter().for_each(|temperature| raise(1, temperature));
+            raise(1, fluid.accepted.scalar(HEAT));
         }
         Ok(())
     }
@@ -163,24 +162,18 @@ fn system(speed: f64, scheme: SchemeName) -> Result<Coupled<2>> {
         structured: None,
     })?;
     let mut set = GAS.set();
-    let scalar = Scalar {
-        capacity: GAS.fluid * CAPACITY,
-        conductivity: CONDUCTIVITY,
-        thin_cell: None,
-        lumped: true,
-        monotone: true,
-    };
-    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: HOT });
+    let heat = Scalar::new(TEMPERATURE, GAS.fluid * CAPACITY, CONDUCTIVITY);
+    set.scalars = vec![Scalar { form: Form::Monotone, ..heat }];
     let out = mesh.points.iter().map(|x| (x - centre).normalize() * speed).collect();
-    let of = |boundary: &str, flow, heat| Condition { boundary: boundary.into(), flow, heat };
+    let of = |boundary: &str, flow, heat| Condition { boundary: boundary.into(), flow, scalars: vec![heat] };
     set.conditions = vec![
-        of("sides", FlowCondition::Slip, HeatCondition::Adiabatic),
-        of("bottom", FlowCondition::Slip, HeatCondition::Adiabatic),
-        of("top", FlowCondition::Open { pressure: 0.0 }, HeatCondition::Open { temperature: Some(HOT) }),
+        of("sides", FlowCondition::Slip, ScalarCondition::Insulated),
+        of("bottom", FlowCondition::Slip, ScalarCondition::Insulated),
+        of("top", FlowCondition::Open { pressure: 0.0 }, ScalarCondition::Outflow { outside: Some(HOT) }),
         of(
             "disc",
             FlowCondition::SuperficialVelocity(Prescribed::Nodal(out)),
-            HeatCondition::Temperature(Prescribed::Uniform(BOILING)),
+            ScalarCondition::Value(Prescribed::Uniform(BOILING)),
         ),
     ];
     let thermal = ThermalFluid {

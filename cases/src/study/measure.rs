@@ -16,7 +16,7 @@ use std::time::Instant;
 use toml::Value;
 use voidage_coupling::recorder::{Summary, View, create_folder, readings};
 use voidage_coupling::scene::{Output, Scene};
-use voidage_coupling::{Error, Result, Simulation};
+use voidage_coupling::{Error, Result, Simulation, TEMPERATURE};
 
 /// What is to be run, and where files go.
 #[derive(Debug, Serialize, Deserialize)]
@@ -210,7 +210,7 @@ impl Moment<'_> {
                 let row = readings(self.output, self.time, &self.view, &self.simulation.readings());
                 let found = row.iter().find(|(name, _)| name == column).map(|(_, value)| *value);
                 found.ok_or_else(|| {
-                    let known: Vec<&str> = row.iter().map(|(name, _)| *name).collect();
+                    let known: Vec<&str> = row.iter().map(|(name, _)| name.as_ref()).collect();
                     (
                         format!("`of.series = \"{column}\"`: the run has no such column"),
                         format!("use one of {}", known.join(", ")),
@@ -234,7 +234,7 @@ impl Moment<'_> {
                 let fluid = self.view.fluid;
                 let there = fluid.is_some_and(|fluid| match field {
                     FieldName::Velocity | FieldName::Pressure => true,
-                    FieldName::Temperature => fluid.temperature.is_some(),
+                    FieldName::Temperature => fluid.scalar(TEMPERATURE).is_some(),
                     FieldName::Voidage => fluid.voidage.is_some(),
                 });
                 let what = format!("`of.field`: the scene has no {}", format!("{field:?}").to_lowercase());

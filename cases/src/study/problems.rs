@@ -83,7 +83,7 @@ fn outside(key: &str, value: impl fmt::Display, help: &str) -> Result<(), Fault>
     Err(Fault { path: key.into(), message: format!("`{key} = {value}`: {help}"), help: help.into() })
 }
 
-/// Steady flow with heat through a still field of voidage, made a solution by sources (C1 of `reference/manufactured.py`).
+/// Steady flow with heat through a still field of voidage, made a solution by sources (C1 of `tests/manufactured.py`).
 /// Five long steps of two Newton iterations. Errors: `u`, `p`, `T` in L2, `grad u` and `grad T` in L2, each over its norm.
 /// The Rust solver and the others have fields, sources, meshes and errors of their own (`voidage.manufactured` in Python).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]

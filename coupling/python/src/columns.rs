@@ -75,25 +75,20 @@ impl Group {
                 "continuity_velocity",
             ],
             Group::AtGrains => &["velocity", "pressure_gradient", "temperature"],
-            Group::Fluid => &["velocity", "pressure", "temperature", "voidage"],
+            Group::Fluid => &["velocity", "pressure", "voidage"],
         }
     }
 
     /// The names of the columns that are there.
-    fn there(self, coupled: &mut Coupled<2>) -> Result<Vec<&'static str>> {
+    fn there(self, coupled: &mut Coupled<2>) -> Result<Vec<String>> {
         let mut there = Vec::new();
-        if self == Group::Fluid {
-            // A solver elsewhere is asked once.
-            let Some(fluid) = &mut coupled.fluid else { return Ok(there) };
-            there.extend(["velocity", "pressure"]);
-            there.extend(fluid.backend.fields()?.temperature.map(|_| "temperature"));
-            there.extend(coupled.interaction.as_ref().map(|_| "voidage"));
-            return Ok(there);
-        }
         for name in self.names() {
             if self.read(coupled, name)?.is_some() {
-                there.push(*name);
+                there.push((*name).to_owned());
             }
+        }
+        if self == Group::Fluid {
+            there.extend(coupled.fluid.iter().flat_map(|fluid| fluid.scalars.clone()));
         }
         Ok(there)
     }
@@ -200,13 +195,14 @@ fn fluid(coupled: &mut Coupled<2>, name: &str) -> Result<Option<Column>> {
             .as_ref()
             .map(|interaction| interaction.load.voidage.as_slice().into()));
     }
-    let Some(fluid) = &mut coupled.fluid else { return Ok(None) };
-    let fields = fluid.backend.fields()?;
+    let Some(fluid) = &coupled.fluid else { return Ok(None) };
     Ok(match name {
-        "velocity" => Some(fields.velocity.as_slice().into()),
-        "pressure" => Some(fields.pressure.as_slice().into()),
-        "temperature" => fields.temperature.as_deref().map(Column::from),
-        _ => None,
+        "velocity" => Some(fluid.accepted.velocity.as_slice().into()),
+        "pressure" => Some(fluid.accepted.pressure.as_slice().into()),
+        _ => {
+            let number = fluid.scalars.iter().position(|scalar| scalar == name);
+            number.map(|number| fluid.accepted.scalar(number).into())
+        }
     })
 }
 
@@ -223,7 +219,8 @@ impl Columns {
     }
 
     fn column(&self, py: Python<'_>, name: &str) -> PyResult<Option<Column>> {
-        if !self.group.names().contains(&name) {
+        // A scalar of the fluid has a name of the user's.
+        if self.group != Group::Fluid && !self.group.names().contains(&name) {
             return Ok(None);
         }
         self.with(py, |coupled| self.group.read(coupled, name))
@@ -242,7 +239,7 @@ impl Columns {
 #[pymethods]
 impl Columns {
     /// Names of the columns that the scene has.
-    fn keys(&self, py: Python<'_>) -> PyResult<Vec<&'static str>> {
+    fn keys(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.with(py, |coupled| self.group.there(coupled))
     }
 

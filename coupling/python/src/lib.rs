@@ -22,7 +22,7 @@ mod _voidage {
     #[pymodule_export]
     use crate::mesh::{Mesh, Overlap};
     #[pymodule_export]
-    use crate::peer::{Answer, Frame, Peer};
+    use crate::peer::{Frame, Peer};
     #[pymodule_export]
     use crate::scheme::{GrainState, System};
     #[pymodule_export]

@@ -8,9 +8,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Mutex, PoisonError};
+use voidage_coupling::exchange::Pieces;
 use voidage_coupling::overlap;
 use voidage_fluid::Vector;
-use voidage_fluid::exchange::Pieces;
 
 /// A mesh of triangles. `points` (n, 2), m; `cells` (m, 3), node numbers, positively oriented; `boundaries`, nodes of
 /// the facets of each named part, (k, 2).
@@ -92,7 +92,7 @@ impl Overlap {
         let volume = finite_numbers(volume, "volume", None, 1)?;
         let voidage = py.detach(|| {
             let cutter = self.cutter();
-            let grains = cutter.pieces.bodies();
+            let grains = cutter.pieces.grains();
             if volume.len() != grains {
                 let text = format!("{} volumes, {grains} grains were cut last", volume.len());
                 return Err(PyValueError::new_err(text));
@@ -113,7 +113,7 @@ impl Overlap {
 
 impl Cutter {
     fn cut(&mut self, position: &[Vector<2>], radius: &[f64]) -> voidage_fluid::Result<()> {
-        self.overlap.cut(&self.mesh, position, radius, &mut self.pieces).map(drop)
+        self.overlap.cut(&self.mesh, position, radius, &mut self.pieces, &mut Vec::new()).map(drop)
     }
 }
 

@@ -1,20 +1,21 @@
 //! The solver's end of the exchange with a run in another process.
 
-use crate::arrays::Column as Copied;
+use crate::arrays::{Column as Copied, integers};
 use crate::mesh::Mesh;
-use crate::solver::{field_arrays, motion_arrays, piece_arrays, read_report};
-use crate::views::{self, Memory};
-use pyo3::exceptions::{PyBufferError, PyKeyError, PyRuntimeError, PyValueError};
+use crate::solver::{Expected, field_arrays, motion_arrays, point_dictionary};
+use crate::views;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use std::ops::Range;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use voidage_coupling::PeerError;
-use voidage_coupling::backend::FluidReport;
+use voidage_coupling::backend::Solution;
 use voidage_coupling::protocol::{
-    COLUMNS, Column, FIELDS, HEAT, Header, Kind, Layout, MotionPlaces, PiecePlaces, SOLUTION, dimension,
-    read_fields, read_mesh, read_step,
+    Kind, MotionPlaces, POINT_SCALAR, POINTS, Place, Setup, SolutionMessage, dimension, read_mesh,
+    read_state, read_step,
 };
 use voidage_coupling::transport::{self, Address, LOOK};
 use voidage_fluid::MeshMotion;
@@ -38,8 +39,9 @@ pub struct Peer {
     /// Never contended: it makes of what may be sent to another thread something that may be shared.
     inner: Mutex<voidage_coupling::peer::Peer>,
     setup: String,
-    nodes: usize,
+    expected: Expected,
     cells: usize,
+    solution: Solution<2>,
 }
 
 #[pymethods]
@@ -71,7 +73,10 @@ impl Peer {
                 Ok(connected) => {
                     let (inner, setup) = connected.map_err(exception)?;
                     return match dimension(&setup).map_err(exception)? {
-                        2 => Ok(Self { inner, setup, nodes: 0, cells: 0 }),
+                        2 => {
+                            let expected = Expected::new(&Setup::parse(&setup).map_err(exception)?);
+                            Ok(Self { inner, setup, expected, cells: 0, solution: Solution::default() })
+                        }
                         other => Err(PyRuntimeError::new_err(format!(
                             "the run has {other} dimensions, grains are cut by the mesh in the plane only"
                         ))),
@@ -109,40 +114,19 @@ impl Peer {
         }
     }
 
-    /// Memory for the answer to a step: columns `velocity`, `pressure_gradient` and, with `heat`, `temperature` of so
-    /// many grains.
-    fn solution(&mut self, py: Python<'_>, grains: usize, heat: bool) -> PyResult<Answer> {
-        let layout = Layout::new(2, grains, &[SOLUTION, if heat { HEAT } else { &[] }], 0);
-        let header = layout.describe(Kind::Solution, layout.end() + FluidReport::<2>::NUMBERS);
-        self.answer(py, header, layout)
-    }
-
-    /// Memory for the answer to a request for fields: columns `velocity`, `pressure` and, with `heat`, `temperature`
-    /// at the nodes.
-    fn fields(&mut self, py: Python<'_>, heat: bool) -> PyResult<Answer> {
-        let layout = Layout::new(2, self.nodes, &[FIELDS, if heat { HEAT } else { &[] }], 0);
-        self.answer(py, layout.describe(Kind::Fields, layout.end()), layout)
-    }
-
-    /// Sends an answer. Raises BufferError while a view of it is in use: what is sent belongs to the run.
-    fn send(&mut self, py: Python<'_>, answer: &mut Answer) -> PyResult<()> {
-        if let Some(column) = answer.unwritten.first() {
-            return Err(PyValueError::new_err(format!("`{}` of the answer was not written", column.name())));
-        }
-        if answer.unreported {
-            return Err(PyValueError::new_err("the report of the answer was not written"));
-        }
-        let memory = answer.memory()?;
-        if views::in_use(memory.bind(py)) {
-            return Err(PyBufferError::new_err("views of the answer are still in use: delete them before"));
-        }
-        let loan = memory.get().take();
-        answer.memory = None;
-        let (header, inner) = (answer.header, self.inner());
-        match loan {
-            Some(loan) => py.detach(|| inner.answer(&header, loan)).map_err(exception),
-            None => Err(sent()),
-        }
+    /// Answers a step with a solution, an object like `voidage.Solution`.
+    fn send(&mut self, py: Python<'_>, solution: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.expected.read(solution, &mut self.solution)?;
+        let Self { inner, solution, .. } = self;
+        let inner = inner.get_mut().unwrap_or_else(PoisonError::into_inner);
+        py.detach(|| {
+            let message = SolutionMessage::new(solution);
+            let header = message.header();
+            let mut payload = inner.loan(header.length as usize)?;
+            message.write(payload.payload_mut());
+            inner.answer(&header, payload)
+        })
+        .map_err(exception)
     }
 
     /// Answers that a mesh or a state has been taken.
@@ -165,53 +149,34 @@ impl Peer {
 
     fn understand(&mut self, frame: transport::Frame) -> PyResult<Frame> {
         if frame.kind() == Kind::Mesh {
-            self.nodes = frame.header().rows as usize;
+            self.expected.nodes = frame.header().rows as usize;
             self.cells = frame.header().cells as usize;
         }
-        let (layout, pieces, motion) = match frame.kind() {
-            Kind::Step => {
-                let step = read_step::<2>(frame.header(), frame.payload()).map_err(exception)?;
-                (step.layout, step.pieces, step.motion)
-            }
-            _ => (Layout::new(2, 0, &[], 0), None, None),
-        };
-        Ok(Frame { frame, layout, pieces, motion, nodes: self.nodes, cells: self.cells })
-    }
-
-    fn answer(&mut self, py: Python<'_>, header: Header, layout: Layout) -> PyResult<Answer> {
-        let inner = self.inner();
-        let loan = py.detach(|| inner.loan(header.length as usize)).map_err(exception)?;
-        let to_write = |column: &Column| layout.range(*column).is_some_and(|range| !range.is_empty());
-        let unwritten = COLUMNS.into_iter().filter(to_write).collect();
-        let memory = Some(Py::new(py, Memory::new(loan))?);
-        let unreported = header.kind == Kind::Solution as u32;
-        Ok(Answer { header, layout, memory, unwritten, unreported })
+        let (mut points, mut motion) = (None, None);
+        if frame.kind() == Kind::Step {
+            let step = read_step::<2>(frame.header(), frame.payload()).map_err(exception)?;
+            (points, motion) = (step.points, step.motion);
+        }
+        let Expected { nodes, scalars, .. } = self.expected;
+        Ok(Frame { frame, points, motion, nodes, scalars, cells: self.cells })
     }
 }
 
-fn column(name: &str, layout: &Layout) -> PyResult<Column> {
-    let there = |column: &Column| layout.range(*column).is_some();
-    COLUMNS.into_iter().filter(there).find(|column| column.name() == name).ok_or_else(|| {
-        let names: Vec<_> = COLUMNS.iter().filter(|column| there(column)).map(|c| c.name()).collect();
-        PyKeyError::new_err(format!("no column `{name}` here; there are {}", names.join(", ")))
-    })
-}
-
-/// A request as it was received. `frame[name]` is a read-only view of a column where it lies in shared memory; the
-/// view keeps the memory. Not more than three frames can be kept at a time.
+/// A request as it was received. Columns of numbers are read-only views of where they lie in shared memory; the
+/// views keep the memory. Not more than three frames can be kept at a time.
 #[pyclass(frozen, module = "voidage")]
 pub struct Frame {
     frame: transport::Frame,
-    layout: Layout,
-    pieces: Option<PiecePlaces>,
+    points: Option<(Place, Range<usize>)>,
     motion: Option<MotionPlaces>,
     nodes: usize,
+    scalars: usize,
     cells: usize,
 }
 
 #[pymethods]
 impl Frame {
-    /// `mesh`, `state`, `step`, `fields` or `bye`.
+    /// `mesh`, `state`, `step` or `bye`.
     #[getter]
     fn kind(&self) -> String {
         format!("{:?}", self.frame.kind()).to_lowercase()
@@ -259,28 +224,40 @@ impl Frame {
         Mesh::new(py, &mesh)
     }
 
-    /// Copies of the accepted fields of a request of the kind `mesh` or `state`, by name.
+    /// Copies of the accepted fields of a request of the kind `mesh` or `state`: `velocity`, `pressure` and the list `scalars`.
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (header, payload) = (self.frame.header(), self.frame.payload());
         let fields = match self.frame.kind() {
             Kind::Mesh => read_mesh::<2>(header, payload).map(|(_, fields)| fields),
-            _ => read_fields::<2>(header, payload, self.nodes),
+            _ => read_state::<2>(header, payload, self.nodes),
         };
         field_arrays(py, &fields.map_err(exception)?)
     }
 
-    /// Copies of the pieces of the grains of a step, `(first, cell, shape, share)` as [`Overlap.cut`] returns them;
-    /// None without grains.
-    fn pieces<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
-        let Some(places) = &self.pieces else { return Ok(None) };
-        let pieces = places.read(self.payload(), self.cells).map_err(exception)?;
-        piece_arrays(py, &pieces).map(Some)
+    /// The points of a step by name: columns as in `voidage.Points`, with a list `scalars` of (coefficient, mobility, value) or
+    /// None; None without grains.
+    fn points<'py>(this: Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let (py, frame) = (this.py(), this.get());
+        let Some((place, _)) = &frame.points else { return Ok(None) };
+        let mask = frame.frame.header().scalars;
+        let columns = place.ranges((&POINTS, &POINT_SCALAR), mask, 2).into_iter().map(|(column, range)| {
+            let array = match column.name {
+                "cell" => frame.cells_of(py, range)?,
+                _ => views::read_only(&this, range, column.width(2)),
+            };
+            Ok((column.name, array))
+        });
+        point_dictionary(py, columns.collect::<PyResult<Vec<_>>>()?, mask, frame.scalars).map(Some)
     }
 
     /// A copy of the nodal voidage of a step (n,); None without grains.
     fn voidage<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let Some(places) = &self.pieces else { return Ok(None) };
-        let numbers = self.payload()[places.voidage.clone()].to_vec();
+        let Some((_, voidage)) = &self.points else { return Ok(None) };
+        let numbers = self.payload()[voidage.clone()].to_vec();
+        if numbers.len() != self.nodes {
+            let text = format!("the step has voidage at {} of {} nodes", numbers.len(), self.nodes);
+            return Err(PyRuntimeError::new_err(text));
+        }
         Copied { numbers, width: 1 }.into_array(py).map(Some)
     }
 
@@ -290,21 +267,6 @@ impl Frame {
         let Some(places) = &self.motion else { return Ok(None) };
         let [points, velocity] = places.read::<2>(self.payload());
         motion_arrays(py, &MeshMotion { points: &points, velocity: &velocity }).map(Some)
-    }
-
-    /// Names of the columns of a step.
-    fn keys(&self) -> Vec<&'static str> {
-        let there = |column: &&Column| self.layout.range(**column).is_some();
-        COLUMNS.iter().filter(there).map(|column| column.name()).collect()
-    }
-
-    fn __contains__(&self, name: &str) -> bool {
-        self.keys().contains(&name)
-    }
-
-    fn __getitem__<'py>(this: Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let frame = this.get();
-        Ok(views::read_only(&this, &frame.layout, column(name, &frame.layout)?))
     }
 
     fn __repr__(&self) -> String {
@@ -317,58 +279,17 @@ impl Frame {
     pub fn payload(&self) -> &[f64] {
         self.frame.payload()
     }
-}
 
-fn sent() -> PyErr {
-    PyRuntimeError::new_err("the answer has been sent")
-}
-
-/// Memory for an answer. `answer[name] = array` writes a column; `answer[name]` is a writable view of it, which must be
-/// gone when the answer is sent.
-#[pyclass(module = "voidage")]
-pub struct Answer {
-    header: Header,
-    layout: Layout,
-    memory: Option<Py<Memory>>,
-    /// The memory comes with what was in it before: none of it must be sent.
-    unwritten: Vec<Column>,
-    unreported: bool,
-}
-
-#[pymethods]
-impl Answer {
-    fn __getitem__<'py>(&mut self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        let column = column(name, &self.layout)?;
-        let view = views::writable(self.memory()?.bind(py), &self.layout, column);
-        if let Some(at) = self.unwritten.iter().position(|unwritten| *unwritten == column) {
-            view.call_method1("fill", (f64::NAN,))?;
-            self.unwritten.remove(at);
-        }
-        Ok(view)
-    }
-
-    fn __setitem__(&mut self, py: Python<'_>, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        let column = column(name, &self.layout)?;
-        let (rows, width) = (self.layout.rows, column.width(self.layout.dimension));
-        let numbers = crate::arrays::finite_numbers(value, name, Some(rows), width)?;
-        let view = self.__getitem__(py, name)?;
-        view.set_item(py.Ellipsis(), Copied { numbers, width }.into_array(py)?)
-    }
-
-    /// Writes the report of a solution: an object like `voidage.Report`.
-    fn report(&mut self, py: Python<'_>, report: &Bound<'_, PyAny>) -> PyResult<()> {
-        if self.header.kind != Kind::Solution as u32 {
-            return Err(PyRuntimeError::new_err("only a solution has a report"));
-        }
-        let report = read_report(report)?;
-        views::write(self.memory()?.bind(py), |payload| report.write(payload));
-        self.unreported = false;
-        Ok(())
-    }
-}
-
-impl Answer {
-    fn memory(&self) -> PyResult<&Py<Memory>> {
-        self.memory.as_ref().ok_or_else(sent)
+    /// Whole numbers that must be cells of the mesh.
+    fn cells_of<'py>(&self, py: Python<'py>, range: Range<usize>) -> PyResult<Bound<'py, PyAny>> {
+        let cell = |number: &f64| {
+            let cell = *number as u32;
+            let there = f64::from(cell) == *number && (cell as usize) < self.cells;
+            there.then_some(cell).ok_or_else(|| {
+                PyRuntimeError::new_err(format!("a point lies in cell {number}, there are {}", self.cells))
+            })
+        };
+        let cells = self.payload()[range].iter().map(cell).collect::<PyResult<Vec<_>>>()?;
+        integers(py, &cells, 1)
     }
 }

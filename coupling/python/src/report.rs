@@ -46,9 +46,9 @@ fn grains<'py>(py: Python<'py>, report: &voidage_dem::StepReport) -> PyResult<Bo
 fn fluid<'py>(py: Python<'py>, report: &voidage_fluid::flow::Report) -> PyResult<Bound<'py, PyDict>> {
     let fluid = PyDict::new(py);
     fluid.set_item("flow_iterations", report.flow_iterations)?;
-    fluid.set_item("heat_iterations", report.heat_iterations)?;
+    fluid.set_item("scalar_iterations", report.scalar_iterations)?;
     fluid.set_item("residual", report.residual)?;
     fluid.set_item("flow_s", report.flow_s)?;
-    fluid.set_item("heat_s", report.heat_s)?;
+    fluid.set_item("scalars_s", report.scalars_s)?;
     Ok(fluid)
 }

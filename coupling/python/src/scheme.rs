@@ -6,7 +6,7 @@ use crate::errors::Raised;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError, TryLockError};
-use voidage_coupling::backend::Law;
+use voidage_coupling::load::Law;
 use voidage_coupling::scheme::Scheme;
 use voidage_coupling::scheme::anchored::Push;
 use voidage_coupling::{Coupled, Error, Result, StepReport};
@@ -194,7 +194,7 @@ impl System {
     /// Accepts the last solution of the fluid and moves the clock; the end of a step.
     fn accept(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |held| {
-            held.coupled.accept(held.dt);
+            held.coupled.accept(held.dt, &mut held.report);
             Ok(())
         })
     }

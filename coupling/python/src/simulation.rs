@@ -11,7 +11,6 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use voidage_coupling::backend::FluidBackend;
 use voidage_coupling::launch::Host;
 use voidage_coupling::recorder::{Averages, Checkpoint, Stamp};
 use voidage_coupling::scene::{Scene, Solver, Time};
@@ -231,9 +230,9 @@ fn build(
     if let Some(scheme) = scheme {
         coupled.set_scheme(Box::new(scheme));
     }
-    if let (Some(mut solver), Some(fluid)) = (fluid, &mut coupled.fluid) {
-        solver.start(&fluid.mesh, &fluid.backend.fields()?)?;
+    if let (Some(solver), Some(fluid)) = (fluid, &mut coupled.fluid) {
         fluid.backend = Box::new(solver);
+        fluid.start()?;
     }
     match restart {
         None => Ok(simulation),

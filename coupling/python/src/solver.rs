@@ -1,18 +1,19 @@
-//! Fluid solvers written in Python, in this process.
+//! Fluid solvers written in Python, in this process, and what goes to and comes from a solver in Python anywhere.
 
 use crate::arrays::{Column, finite_numbers, integers, vectors};
 use crate::errors::Raised;
 use crate::mesh::Mesh;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
-use std::sync::Arc;
-use voidage_coupling::backend::{FluidBackend, FluidReport, FluidStep, GrainLoad};
-use voidage_coupling::protocol::Setup;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
+use voidage_coupling::exchange::Pieces;
+use voidage_coupling::protocol::{Setup, Table, Values};
 use voidage_coupling::{Error, Result};
+use voidage_fluid::balance::Balance;
 use voidage_fluid::conditions::Condition;
-use voidage_fluid::exchange::{AtBodies, Pieces};
 use voidage_fluid::flow::{Report, State};
+use voidage_fluid::points::Points;
 use voidage_fluid::{MeshMotion, Vector};
 
 /// A solver in Python, behind a `voidage.adapter.Driver`.
@@ -20,7 +21,7 @@ pub struct PythonFluid {
     driver: Py<PyAny>,
     /// The conditions that the solver has.
     conditions: Vec<Condition<2>>,
-    nodes: usize,
+    expected: Expected,
     /// What accepting the last solution raised.
     failed: Option<Error>,
     raised: Raised,
@@ -29,7 +30,7 @@ pub struct PythonFluid {
 impl PythonFluid {
     /// A solver with the methods of `voidage.Solver`; what it raises is kept in `raised`.
     pub fn new(solver: &Bound<'_, PyAny>, setup: &Setup<2>, raised: Raised) -> PyResult<Self> {
-        for method in ["set_mesh", "solve", "accept", "fields"] {
+        for method in ["set_mesh", "solve", "accept"] {
             if !solver.getattr(method).is_ok_and(|attribute| attribute.is_callable()) {
                 let name = solver.get_type().name()?;
                 return Err(PyTypeError::new_err(format!(
@@ -39,8 +40,8 @@ impl PythonFluid {
         }
         let text = serde_json::json!(setup).to_string();
         let driver = solver.py().import("voidage.adapter")?.getattr("Driver")?.call1((solver, text))?;
-        let conditions = setup.conditions.clone();
-        Ok(Self { driver: driver.unbind(), conditions, nodes: 0, failed: None, raised })
+        let (conditions, expected) = (setup.model.conditions.clone(), Expected::new(setup));
+        Ok(Self { driver: driver.unbind(), conditions, expected, failed: None, raised })
     }
 
     /// Calls Python, and keeps what it raises.
@@ -63,8 +64,8 @@ impl PythonFluid {
 }
 
 impl FluidBackend<2> for PythonFluid {
-    fn start(&mut self, mesh: &Arc<voidage_fluid::Mesh<2>>, fields: &State<2>) -> Result<()> {
-        self.nodes = mesh.points.len();
+    fn set_mesh(&mut self, mesh: &voidage_fluid::Mesh<2>, _generation: u32, fields: &State<2>) -> Result<()> {
+        self.expected.nodes = mesh.points.len();
         self.failed = None;
         self.call(|driver| {
             let (mesh, fields) = (Mesh::new(driver.py(), mesh)?, field_arrays(driver.py(), fields)?);
@@ -72,26 +73,16 @@ impl FluidBackend<2> for PythonFluid {
         })
     }
 
-    fn solve(&mut self, step: &FluidStep<'_, 2>, out: &mut AtBodies<2>) -> Result<FluidReport<2>> {
+    fn solve(&mut self, step: &FluidStep<'_, 2>, out: &mut Solution<2>) -> Result<()> {
         self.check()?;
         let conditions = self.new_conditions(step.conditions);
         self.call(|driver| {
             let py = driver.py();
-            let grains = step.grains.as_ref();
-            let columns = grains.map(|grains| load_columns(py, grains.load)).transpose()?;
-            let pieces = grains.map(|grains| piece_arrays(py, &grains.load.pieces)).transpose()?;
-            let voidage = grains
-                .map(|grains| Column::from(grains.load.voidage.as_slice()).into_array(py))
-                .transpose()?;
+            let points = step.immersed.map(|immersed| point_arrays(py, immersed.points)).transpose()?;
+            let voidage = step.immersed.map(|immersed| Column::from(immersed.voidage).into_array(py));
             let motion = step.motion.as_ref().map(|motion| motion_arrays(py, motion)).transpose()?;
-            let arguments = (step.dt, conditions, columns, pieces, voidage, motion);
-            let answer = driver.call_method1("solve", arguments)?;
-            let (at, report): (Bound<'_, PyAny>, Bound<'_, PyAny>) = answer.extract()?;
-            if let Some(grains) = grains {
-                let (count, heat) = (grains.position.len(), grains.load.heat.is_some());
-                read_at_grains(&at, count, heat, out)?;
-            }
-            read_report(&report)
+            let arguments = (step.dt, conditions, points, voidage.transpose()?, motion);
+            self.expected.read(&driver.call_method1("solve", arguments)?, out)
         })
     }
 
@@ -100,32 +91,73 @@ impl FluidBackend<2> for PythonFluid {
             self.failed = Some(error);
         }
     }
-
-    fn fields(&mut self) -> Result<State<2>> {
-        self.check()?;
-        let nodes = self.nodes;
-        self.call(|driver| read_fields(&driver.call_method0("fields")?, nodes))
-    }
 }
 
-/// Nodal fields as a dictionary of arrays.
+/// Nodal fields as a dictionary of arrays, that of the scalars a list.
 pub fn field_arrays<'py, const D: usize>(py: Python<'py>, fields: &State<D>) -> PyResult<Bound<'py, PyDict>> {
     let arrays = PyDict::new(py);
     arrays.set_item("velocity", Column::from(fields.velocity.as_slice()).into_array(py)?)?;
     arrays.set_item("pressure", Column::from(fields.pressure.as_slice()).into_array(py)?)?;
-    if let Some(temperature) = &fields.temperature {
-        arrays.set_item("temperature", Column::from(temperature.as_slice()).into_array(py)?)?;
-    }
+    let scalars = fields.scalars.iter().map(|values| Column::from(values.as_slice()).into_array(py));
+    arrays.set_item("scalars", PyList::new(py, scalars.collect::<PyResult<Vec<_>>>()?)?)?;
     Ok(arrays)
+}
+
+/// Point terms in the plane as a dictionary of arrays; `scalars` is a list of (coefficient, mobility, value) or None.
+fn point_arrays<'py>(py: Python<'py>, points: &Points<2>) -> PyResult<Bound<'py, PyDict>> {
+    let columns = points.columns().into_iter().map(|(column, values)| {
+        let array = match values {
+            Values::Whole(numbers) => integers(py, numbers, 1),
+            Values::Numbers(numbers) => Column::from(numbers).into_array(py),
+            Values::Vectors(vectors) => Column::from(vectors).into_array(py),
+        };
+        Ok((column.name, array?))
+    });
+    point_dictionary(py, columns.collect::<PyResult<Vec<_>>>()?, points.scalars(), points.scalars.len())
+}
+
+/// The dictionary of the columns of points, in the order in which they lie; `mask` says which of the scalars have columns.
+pub fn point_dictionary<'py>(
+    py: Python<'py>,
+    columns: Vec<(&'static str, Bound<'py, PyAny>)>,
+    mask: u32,
+    scalars: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    let own = voidage_coupling::protocol::POINTS.len();
+    let (own, more) = columns.split_at(own);
+    for (name, array) in own {
+        match *name {
+            "coordinate" => all.set_item("shape", shape_functions(array)?)?,
+            name => all.set_item(name, array)?,
+        }
+    }
+    let mut groups = more.chunks_exact(voidage_coupling::protocol::POINT_SCALAR.len());
+    let list = PyList::empty(py);
+    for scalar in 0..scalars {
+        let group = if mask >> scalar & 1 == 1 { groups.next() } else { None };
+        match group {
+            Some(group) => list.append(PyTuple::new(py, group.iter().map(|(_, array)| array))?)?,
+            None => list.append(py.None())?,
+        }
+    }
+    all.set_item("scalars", list)?;
+    Ok(all)
+}
+
+/// Shape functions (q, D + 1) from barycentric coordinates 1 to D.
+fn shape_functions<'py>(coordinate: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let rows = crate::arrays::numbers(coordinate, "coordinate", None, 2)?;
+    let numbers = rows.chunks_exact(2).flat_map(|x| [1.0 - (x[0] + x[1]), x[0], x[1]]).collect();
+    Column { numbers, width: 3 }.into_array(coordinate.py())
 }
 
 /// Arrays (first, cell, shape, share) of pieces in the plane.
 pub fn piece_arrays<'py>(py: Python<'py>, pieces: &Pieces<2>) -> PyResult<Bound<'py, PyTuple>> {
-    let shape = (0..pieces.len()).flat_map(|piece| pieces.shape::<3>(piece)).collect();
-    let shape = Column { numbers: shape, width: 3 };
+    let coordinate = Column::from(pieces.coordinate.as_slice()).into_array(py)?;
     let (first, cell) = (integers(py, &pieces.first, 1)?, integers(py, &pieces.cell, 1)?);
     let share = Column::from(pieces.share.as_slice());
-    (first, cell, shape.into_array(py)?, share.into_array(py)?).into_pyobject(py)
+    (first, cell, shape_functions(&coordinate)?, share.into_array(py)?).into_pyobject(py)
 }
 
 /// Arrays (points, velocity) of the motion of a mesh.
@@ -138,25 +170,6 @@ pub fn motion_arrays<'py, const D: usize>(
     (points?, velocity?).into_pyobject(py)
 }
 
-fn load_columns<'py>(py: Python<'py>, load: &GrainLoad<2>) -> PyResult<Bound<'py, PyDict>> {
-    let columns = PyDict::new(py);
-    let set = |name: &str, column: Column| columns.set_item(name, column.into_array(py)?);
-    set("volume", load.volume.as_slice().into())?;
-    set("drag", load.drag.as_slice().into())?;
-    set("mobility", load.mobility.as_slice().into())?;
-    set("velocity", load.velocity.as_slice().into())?;
-    if let Some(heat) = &load.heat {
-        set("heat_coefficient", heat.coefficient.as_slice().into())?;
-        set("heat_mobility", heat.mobility.as_slice().into())?;
-        set("temperature", heat.temperature.as_slice().into())?;
-    }
-    if let Some(law) = &load.continuity {
-        set("continuity_mobility", law.mobility.as_slice().into())?;
-        set("continuity_velocity", law.velocity.as_slice().into())?;
-    }
-    Ok(columns)
-}
-
 /// An attribute that is not None.
 fn given<'py>(from: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     let value = from.getattr(name)?;
@@ -167,42 +180,76 @@ fn given<'py>(from: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyAny
     Ok(value)
 }
 
-fn read_at_grains(at: &Bound<'_, PyAny>, count: usize, heat: bool, out: &mut AtBodies<2>) -> PyResult<()> {
-    let column = |name, width| finite_numbers(&given(at, name)?, name, Some(count), width);
-    out.velocity = vectors(&column("velocity", 2)?);
-    out.pressure_gradient = vectors(&column("pressure_gradient", 2)?);
-    out.temperature = if heat { column("temperature", 1)? } else { Vec::new() };
-    Ok(())
+/// What the solution of a solver must have.
+pub struct Expected {
+    /// Nodes of its mesh.
+    pub nodes: usize,
+    /// Number of scalars.
+    pub scalars: usize,
+    /// Names of the parts of the boundary, in the order of the conditions.
+    parts: Vec<String>,
+}
+
+impl Expected {
+    /// Of a solver that is told this; the mesh comes later.
+    pub fn new(setup: &Setup<2>) -> Self {
+        let parts = setup.model.conditions.iter().map(|condition| condition.boundary.clone());
+        Self { nodes: 0, scalars: setup.model.scalars.len(), parts: parts.collect() }
+    }
+
+    /// Reads an object like `voidage.Solution`.
+    pub fn read(&self, solution: &Bound<'_, PyAny>, out: &mut Solution<2>) -> PyResult<()> {
+        let fields = given(solution, "fields")?;
+        let column = |name, width| finite_numbers(&given(&fields, name)?, name, Some(self.nodes), width);
+        out.fields.velocity = vectors(&column("velocity", 2)?);
+        out.fields.pressure = column("pressure", 1)?;
+        let scalars = given(&fields, "scalars")?;
+        if scalars.len()? != self.scalars {
+            let text = format!("the solver returned {} scalars, there are {}", scalars.len()?, self.scalars);
+            return Err(PyTypeError::new_err(text));
+        }
+        out.fields.scalars.clear();
+        for values in scalars.try_iter()? {
+            out.fields.scalars.push(finite_numbers(&values?, "scalars", Some(self.nodes), 1)?);
+        }
+        out.report = read_report(&given(solution, "report")?)?;
+        out.transport_s = 0.0;
+        self.read_balances(&given(solution, "balances")?, &mut out.balances)
+    }
+
+    /// The balances of all parts, or none of any.
+    fn read_balances(&self, balances: &Bound<'_, PyAny>, out: &mut Vec<Balance<2>>) -> PyResult<()> {
+        out.clear();
+        if balances.len()? == 0 {
+            return Ok(());
+        }
+        for part in &self.parts {
+            let balance = balances.get_item(part)?;
+            let of_scalars = |name| finite_numbers(&given(&balance, name)?, name, Some(self.scalars), 1);
+            out.push(Balance {
+                flux: given(&balance, "flux")?.extract()?,
+                force: Vector::from_column_slice(&finite_numbers(
+                    &given(&balance, "force")?,
+                    "force",
+                    Some(2),
+                    1,
+                )?),
+                scalars: of_scalars("scalars")?,
+                carried: of_scalars("carried")?,
+            });
+        }
+        Ok(())
+    }
 }
 
 /// The report of a solution.
-pub fn read_report(report: &Bound<'_, PyAny>) -> PyResult<FluidReport<2>> {
+fn read_report(report: &Bound<'_, PyAny>) -> PyResult<Report> {
     let number = |name| report.getattr(name)?.extract::<f64>();
-    let solver = Report {
+    Ok(Report {
         flow_iterations: report.getattr("iterations")?.extract()?,
         residual: number("residual")?,
-        heat_s: number("heat_s")?,
+        scalars_s: number("scalars_s")?,
         flow_s: number("flow_s")?,
         ..Report::default()
-    };
-    Ok(FluidReport { solver, force: read_force(report)?, heat: number("heat")?, transport_s: 0.0 })
-}
-
-/// The force on all grains; empty where the solver does not sum it.
-fn read_force<const D: usize>(report: &Bound<'_, PyAny>) -> PyResult<Option<Vector<D>>> {
-    let force = given(report, "force")?;
-    if force.len()? == 0 {
-        return Ok(None);
-    }
-    Ok(Some(Vector::from_column_slice(&finite_numbers(&force, "force", Some(D), 1)?)))
-}
-
-fn read_fields(fields: &Bound<'_, PyAny>, nodes: usize) -> PyResult<State<2>> {
-    let column = |name, width| finite_numbers(&given(fields, name)?, name, Some(nodes), width);
-    let heat = !fields.getattr("temperature")?.is_none();
-    Ok(State {
-        velocity: vectors(&column("velocity", 2)?),
-        pressure: column("pressure", 1)?,
-        temperature: if heat { Some(column("temperature", 1)?) } else { None },
     })
 }

@@ -1,14 +1,13 @@
 """Grains in a finite element fluid.
 
 ``Simulation`` runs a scene; a fluid solver or a coupling scheme written in Python can be plugged
-into it. A solver is one class with the four methods of :class:`Solver`; ``python -m voidage.adapter
-MODULE:CLASS --connect ADDRESS`` makes it a process that ``voidage run`` exchanges with. All
-quantities are in SI units, in the plane per metre of depth.
+into it. A solver is one class with the three methods of :class:`Solver`;
+``python -m voidage.adapter MODULE:CLASS --connect ADDRESS`` makes it a process that ``voidage run``
+exchanges with. All quantities are in SI units, in the plane per metre of depth.
 """
 
 try:
     from ._voidage import (
-        Answer,
         Columns,
         Frame,
         GrainState,
@@ -22,11 +21,22 @@ try:
 except ImportError as error:
     help = "help: tests/python-setup builds and installs the package"
     raise ImportError(f"{error}\n  {help}") from error
-from .solver import AtGrains, Fields, Motion, Pieces, Problem, Report, Solver, Step
+from .solver import (
+    Balance,
+    Fields,
+    Motion,
+    Points,
+    PointScalar,
+    Problem,
+    Report,
+    Scalar,
+    Solution,
+    Solver,
+    Step,
+)
 
 __all__ = [
-    "Answer",
-    "AtGrains",
+    "Balance",
     "Columns",
     "Fields",
     "Frame",
@@ -35,10 +45,13 @@ __all__ = [
     "Motion",
     "Overlap",
     "Peer",
-    "Pieces",
+    "PointScalar",
+    "Points",
     "Problem",
     "Report",
+    "Scalar",
     "Simulation",
+    "Solution",
     "Solver",
     "Step",
     "System",

@@ -1,5 +1,5 @@
 """The compiled part of the package. Quantities in SI units; D is 2, n counts nodes, m cells, g
-grains, q pieces of grains."""
+grains, q points in the fluid."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
@@ -8,10 +8,9 @@ from typing import Any, Protocol, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .solver import Report, Solver
+from .solver import Solution, Solver
 
 __all__ = [
-    "Answer",
     "Columns",
     "Frame",
     "GrainState",
@@ -117,7 +116,8 @@ class Simulation:
         In the plane per metre of depth. Position, velocity, spin and temperature can be written."""
     @property
     def fluid(self) -> Columns:
-        """Accepted nodal fields: velocity m/s, (n, D); pressure Pa, temperature K, voidage, (n)."""
+        """Accepted nodal fields: velocity m/s, (n, D); pressure Pa, every scalar by its name (K for
+        ``temperature``) and voidage, (n)."""
     @property
     def mesh(self) -> Mesh | None:
         """The mesh of the fluid."""
@@ -247,15 +247,9 @@ class Peer:
     def receive(self, timeout: float) -> Frame | None:
         """Waits for a request, at most ``timeout`` seconds. Other threads go on meanwhile, and
         signals are seen. Raises RuntimeError if the run is gone."""
-    def solution(self, grains: int, heat: bool) -> Answer:
-        """Memory for the answer to a step: velocity and pressure_gradient (g, D) and, with
-        ``heat``, temperature (g)."""
-    def fields(self, heat: bool) -> Answer:
-        """Memory for the answer to a request for fields: velocity (n, D), pressure (n) and, with
-        ``heat``, temperature (n)."""
-    def send(self, answer: Answer) -> None:
-        """Sends an answer. Raises BufferError while a view of it is in use: what is sent belongs to
-        the run."""
+    def send(self, solution: Solution) -> None:
+        """Answers a step with a copy of its solution, or of an object with the same attributes.
+        Raises ValueError if shapes or values are wrong; nothing is sent then."""
     def done(self) -> None:
         """Answers that a mesh or a state has been taken."""
     def fail(self, text: str) -> None:
@@ -263,13 +257,12 @@ class Peer:
 
 @final
 class Frame:
-    """A request as it was received. ``frame[name]`` is a read-only view of a column where it lies
-    in shared memory; the view keeps the memory. Not more than three frames can be kept at a
-    time."""
+    """A request as it was received. Columns of points are read-only views of where they lie in
+    shared memory; a view keeps the memory. Not more than three frames can be kept at a time."""
 
     @property
     def kind(self) -> str:
-        """``mesh``, ``state``, ``step``, ``fields`` or ``bye``."""
+        """``mesh``, ``state``, ``step`` or ``bye``."""
     @property
     def accepts(self) -> bool:
         """Whether the last solution is accepted, before anything else is done."""
@@ -290,27 +283,15 @@ class Frame:
         """Conditions of a step as JSON; empty if they are those of the last."""
     def mesh(self) -> Mesh:
         """The mesh of a request of the kind ``mesh``."""
-    def fields(self) -> dict[str, _Floats]:
-        """Copies of the accepted fields of a request of the kind ``mesh`` or ``state``."""
-    def pieces(self) -> tuple[_Integers, _Integers, _Floats, _Floats] | None:
-        """Copies of the pieces of the grains of a step, (first, cell, shape, share) as
-        :meth:`Overlap.cut` returns them; None without grains."""
+    def fields(self) -> dict[str, Any]:
+        """Copies of the accepted fields of a request of the kind ``mesh`` or ``state``: velocity
+        (n, D), pressure (n) and scalars, a list of arrays (n)."""
+    def points(self) -> dict[str, Any] | None:
+        """The points of a step, None if the scene has none: cell, volume, drag, mobility and
+        flux_mobility (q), shape (q, D + 1), velocity and flux_velocity (q, D), and scalars, a list
+        of None or (coefficient, mobility, value), (q) each. Numbers of cells are copied."""
     def voidage(self) -> _Floats | None:
-        """A copy of the nodal voidage of a step (n,); None without grains."""
+        """A copy of the nodal voidage of a step (n,); None without points."""
     def motion(self) -> tuple[_Floats, _Floats] | None:
         """Copies of the places of the nodes at the end of a step and of their velocities, (n, 2)
         each; None if the mesh stands still."""
-    def keys(self) -> list[str]:
-        """Names of the columns of a step."""
-    def __contains__(self, name: str, /) -> bool: ...
-    def __getitem__(self, name: str, /) -> _Floats: ...
-
-@final
-class Answer:
-    """Memory for an answer. ``answer[name] = array`` writes a column; ``answer[name]`` is a
-    writable view of it, which must be gone when the answer is sent."""
-
-    def __getitem__(self, name: str, /) -> _Floats: ...
-    def __setitem__(self, name: str, value: ArrayLike, /) -> None: ...
-    def report(self, report: Report) -> None:
-        """Writes the report of a solution."""

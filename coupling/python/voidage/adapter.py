@@ -25,20 +25,17 @@ import numpy as np
 from . import solver as data
 from ._voidage import Peer
 from .solver import (
-    AtGrains,
     Condition,
     Fields,
     Floats,
-    GrainHeat,
-    Grains,
-    Heat,
     Motion,
-    Pieces,
+    Points,
+    PointScalar,
     Problem,
-    Report,
+    Scalar,
+    Solution,
     Solver,
     Step,
-    VelocityLaw,
 )
 
 LAST_FRAMES = 3
@@ -54,10 +51,11 @@ Arrays = tuple[Floats, data.Integers, Mapping[str, data.Integers]]
 def conditions(described: Sequence[Mapping[str, Any]]) -> tuple[Condition, ...]:
     """Conditions as a run describes them.
 
-    Each is ``{"boundary": .., "flow": "slip" | {"open": {..}} | .., "heat": ..}``.
+    Each is ``{"boundary": .., "flow": "slip" | {"open": {..}} | .., "scalars": [..]}``.
     """
     return tuple(
-        Condition(each["boundary"], _flow(each["flow"]), _heat(each["heat"])) for each in described
+        Condition(each["boundary"], _flow(each["flow"]), tuple(map(_scalar, each["scalars"])))
+        for each in described
     )
 
 
@@ -81,37 +79,24 @@ def _flow(described: str | Mapping[str, Any]):
     raise ValueError(f"the flow condition `{kind}` is unknown to this version of voidage")
 
 
-def _heat(described: str | Mapping[str, Any]):
+def _scalar(described: str | Mapping[str, Any]):
     kind, value = _variant(described)
     match kind:
-        case "temperature":
+        case "value":
             _, prescribed = _variant(value)
-            return data.Temperature(np.array(prescribed, dtype=float))
-        case "newton":
-            return data.Newton(value["coefficient"], value["temperature"])
-        case "adiabatic":
-            return data.Adiabatic()
-        case "open":
-            return data.OpenHeat(value["temperature"])
-    raise ValueError(f"the heat condition `{kind}` is unknown to this version of voidage")
+            return data.Value(np.array(prescribed, dtype=float))
+        case "transfer":
+            return data.Transfer(value["coefficient"], value["outside"])
+        case "insulated":
+            return data.Insulated()
+        case "outflow":
+            return data.Outflow(value["outside"])
+    raise ValueError(f"the condition `{kind}` of a scalar is unknown to this version of voidage")
 
 
-def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Fields) -> Problem:
+def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Mapping[str, Any]) -> Problem:
     """A problem from what a run tells once, its mesh and its accepted fields."""
-    properties, numerics, heat = setup["properties"], setup["numerics"], setup["heat"]
-    if heat is not None:
-        scalar = heat["scalar"]
-        wall = scalar["thin_cell"] or {"coefficient": 0.0, "temperature": 0.0}
-        heat = Heat(
-            capacity=scalar["capacity"],
-            conductivity=scalar["conductivity"],
-            expansion=heat["expansion"],
-            reference=heat["reference"],
-            wall_coefficient=wall["coefficient"],
-            wall_temperature=wall["temperature"],
-            lumped=scalar["lumped"],
-            monotone=scalar["monotone"],
-        )
+    properties, numerics = setup["properties"], setup["numerics"]
     points, cells, boundaries = mesh
     return Problem(
         points=points,
@@ -120,8 +105,8 @@ def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Fields) -> Problem:
         density=properties["density"],
         viscosity=properties["viscosity"],
         gravity=np.array(properties["gravity"], dtype=float),
-        fields=fields,
-        heat=heat,
+        fields=Fields(fields["velocity"], fields["pressure"], tuple(fields["scalars"])),
+        scalars=tuple(map(_transported, setup["scalars"])),
         thin_cell_drag=properties["thin_cell_drag"],
         newton=numerics["newton"],
         tolerance=numerics["flow"]["tolerance"],
@@ -129,19 +114,20 @@ def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Fields) -> Problem:
     )
 
 
-def grains(columns: Mapping[str, Floats]) -> Grains:
-    """The grains of a step from its columns."""
-    heat = None
-    if "heat_coefficient" in columns:
-        heat = GrainHeat(
-            columns["heat_coefficient"], columns["heat_mobility"], columns["temperature"]
-        )
-    law = None
-    if "continuity_mobility" in columns:
-        law = VelocityLaw(columns["continuity_mobility"], columns["continuity_velocity"])
-    return Grains(
-        columns["volume"], columns["drag"], columns["mobility"], columns["velocity"], heat, law
+def _transported(described: Mapping[str, Any]) -> Scalar:
+    same = ("name", "capacity", "conductivity", "expansion", "reference", "form")
+    wall = described["thin_cell"] or {"coefficient": 0.0, "value": 0.0}
+    return Scalar(
+        **{key: described[key] for key in same},
+        wall_coefficient=wall["coefficient"],
+        wall_value=wall["value"],
     )
+
+
+def immersed(columns: Mapping[str, Any]) -> Points:
+    """The points of a step from their columns."""
+    scalars = (each and PointScalar(*each) for each in columns["scalars"])
+    return Points(**{**columns, "scalars": tuple(scalars)})
 
 
 class Driver:
@@ -152,12 +138,12 @@ class Driver:
         self.conditions = conditions(self.setup["conditions"])
         self.mesh: Arrays | None = None
 
-    def start(self, mesh, fields: Mapping[str, Floats]) -> None:
+    def start(self, mesh, fields: Mapping[str, Any]) -> None:
         """Takes a mesh (or a tuple of points, cells and boundaries) and the accepted fields."""
         self.mesh = mesh if isinstance(mesh, tuple) else (mesh.points, mesh.cells, mesh.boundaries)
-        self.solver.set_mesh(problem(self.setup, self.mesh, Fields(**fields)))
+        self.solver.set_mesh(problem(self.setup, self.mesh, fields))
 
-    def restart(self, fields: Mapping[str, Floats]) -> None:
+    def restart(self, fields: Mapping[str, Any]) -> None:
         """Takes other accepted fields on the mesh there is."""
         self.start(self.mesh, fields)
 
@@ -165,11 +151,10 @@ class Driver:
         self,
         dt: float,
         described: str,
-        columns: Mapping[str, Floats] | None,
-        pieces: tuple | None,
+        points: Mapping[str, Any] | None,
         voidage: Floats | None,
         motion: tuple[Floats, Floats] | None,
-    ) -> tuple[AtGrains, Report]:
+    ) -> Solution:
         """Solves a step; ``described`` are its conditions as JSON, empty if they are the old."""
         if described:
             self.conditions = conditions(json.loads(described))
@@ -177,24 +162,19 @@ class Driver:
             dt,
             self.conditions,
             np.ones(len(self.mesh[0])) if voidage is None else voidage,
-            None if columns is None else grains(columns),
-            None if pieces is None else Pieces(*pieces),
+            None if points is None else immersed(points),
             motion=None if motion is None else Motion(*motion),
         )
-        answer = self.solver.solve(step)
-        if not (isinstance(answer, tuple) and len(answer) == 2):
+        solution = self.solver.solve(step)
+        if not isinstance(solution, Solution):
             raise TypeError(
-                f"`solve` returned {type(answer).__name__}, it must return (AtGrains, Report)"
+                f"`solve` returned {type(solution).__name__}, it must return a Solution"
             )
-        return answer
+        return solution
 
     def accept(self) -> None:
         """Accepts the last solution."""
         self.solver.accept()
-
-    def fields(self) -> Fields:
-        """The accepted fields."""
-        return self.solver.fields()
 
 
 # ---- the loop of a process
@@ -248,7 +228,6 @@ class Server:
 
     def __init__(self, peer: Peer, ranks: Ranks):
         self.peer, self.ranks = peer, ranks
-        self.heat = json.loads(peer.setup)["heat"] is not None
 
     def run(self) -> None:
         """Answers until the run says goodbye. What the solver raises is told to the run."""
@@ -261,15 +240,14 @@ class Server:
             try:
                 if frame.accepts:
                     self.ranks.call("accept")
-                answer = getattr(self, "_" + frame.kind)(frame)
+                solution = getattr(self, "_" + frame.kind)(frame)
+                if solution is None:
+                    self.peer.done()
+                else:
+                    self.peer.send(solution)
             except Exception as error:
                 traceback.print_exc()
                 self.peer.fail(_last_words(error))
-                continue
-            if answer is None:
-                self.peer.done()
-            else:
-                self.peer.send(answer)
 
     def _mesh(self, frame) -> None:
         mesh = frame.mesh()
@@ -278,29 +256,9 @@ class Server:
     def _state(self, frame) -> None:
         self.ranks.call("restart", frame.fields())
 
-    def _step(self, frame):
-        columns, count = None, 0
-        if "position" in frame:
-            columns = {name: frame[name] for name in frame.keys()}
-            count = len(frame["radius"])
-        step = (frame.dt, frame.text, columns, frame.pieces(), frame.voidage(), frame.motion())
-        at, report = self.ranks.call("solve", *step)
-        heated = columns is not None and "heat_coefficient" in columns
-        answer = self.peer.solution(count, heated)
-        if count:
-            answer["velocity"], answer["pressure_gradient"] = at.velocity, at.pressure_gradient
-            if heated:
-                answer["temperature"] = at.temperature
-        answer.report(report)
-        return answer
-
-    def _fields(self, frame):
-        fields = self.ranks.call("fields")
-        answer = self.peer.fields(self.heat)
-        answer["velocity"], answer["pressure"] = fields.velocity, fields.pressure
-        if self.heat:
-            answer["temperature"] = fields.temperature
-        return answer
+    def _step(self, frame) -> Solution:
+        step = (frame.dt, frame.text, frame.points(), frame.voidage(), frame.motion())
+        return self.ranks.call("solve", *step)
 
 
 def _last_words(error: Exception) -> str:

@@ -34,9 +34,15 @@ class Cells:
         """Value at the centroid of every cell."""
         return nodal[self.nodes].mean(axis=1)
 
-    def centred(self, nodal: Floats) -> Floats:
-        """A nodal field less its mean over the mesh."""
-        return nodal - self.nodal_volume @ nodal / self.volume
+    def nodal_mean(self, nodal: Floats) -> float:
+        """Mean of a nodal field over the mesh."""
+        return float(self.nodal_volume @ nodal / self.volume)
+
+    def gradient_integral(self) -> Floats:
+        """Integral of the gradient of every shape function, (n, D)."""
+        integral = np.zeros((len(self.nodal_volume), self.gradient.shape[2]))
+        np.add.at(integral, self.nodes, self.measure[:, None, None] * self.gradient)
+        return integral
 
 
 def stabilisation_time(

@@ -1,15 +1,15 @@
-"""The fluid in FEniCSx: volume-averaged Navier-Stokes with heat, stabilised P1-P1 elements.
+"""The fluid in FEniCSx: volume-averaged Navier-Stokes with scalars, stabilised P1-P1 elements.
 
     <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v>
-        - <eps rho g (1 - beta (T - T_R)), v>
+        - <eps rho g (1 - sum beta (s - s_R)), v>
         + sum_e xi <R_u, (U . grad) v>_e + sum_e rho xi_c <R_p, div v>_e = <<sigma n, v>>
     <div(phi v*), q> + <div(eps u), q> + sum_e (xi / rho) <R_u, grad q>_e = 0
-    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S>
-        + sum_e xi_T <R_T, U . grad S>_e = boundary heat
+    <eps C Ds/Dt, S> + <eps k grad s, grad S> - <q_p + q_l, S>
+        + sum_e xi_T <R_s, U . grad S>_e = what the boundary gives of scalar s
 
 Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more
-often; U is u_n - u_mesh at the centroid, D/Dt = d/dt + (u - u_mesh) . grad. The energy is solved
-first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
+often; U is u_n - u_mesh at the centroid, D/Dt = d/dt + (u - u_mesh) . grad. The scalars are solved
+first, with u_n. The terms of the points come from :mod:`voidage.points`.
 """
 
 from typing import Literal
@@ -22,25 +22,24 @@ from mpi4py import MPI
 from ufl import div, dot, grad, inner, transpose
 
 from . import compat
-from .boundary import hold_flow, hold_heat, passing
+from .boundary import hold_flow, hold_scalar, passing
 from .finite_elements import FiniteElements, FlowData
-from .pieces import PieceSums
+from .points import PointSums
 from .solver import (
     Condition,
     Floats,
-    Newton,
     Open,
-    OpenHeat,
+    Outflow,
     Problem,
     Report,
     Step,
-    Velocity,
+    Transfer,
 )
 
 QUADRATURE = {"quadrature_degree": 4}
 """For cells and for facets, where it matters: the upwind terms are no polynomials."""
 VERTICES = {"quadrature_rule": "vertex", "quadrature_degree": 1}
-"""The rule that lumps storage and exchange of heat."""
+"""The rule that lumps storage and exchange of a scalar."""
 
 
 class FEniCSx(FiniteElements):
@@ -68,61 +67,59 @@ class FEniCSx(FiniteElements):
         self.time_step = fem.Constant(domain, 1.0)
         self.eps, self.old = layout.nodal(), layout.nodal(problem.dimension)
         self.mesh_velocity = layout.nodal(problem.dimension)
-        self.systems: dict[tuple, FlowSystem | HeatSystem] = {}
+        self.systems: dict[tuple, FlowSystem | ScalarSystem] = {}
 
     def _move(self, points: Floats) -> None:
         super()._move(points)
         self.layout.move(points)
 
-    def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
-        kinds = tuple((c.boundary, _transfers_heat(c)) for c in step.conditions)
-        system = self._system(HeatSystem, kinds, step)
-        U, xi = self.heat_stabilisation(step)
-        system.fill(step, self.state.temperature, xi[:, None] * U)
-        blocks = None
-        if sums is not None and sums.heated:
-            blocks = Blocks(sums.cells, *sums.energy(U, xi, self.problem.heat.lumped))
-        T, _ = system.linear.solve(blocks, *hold_heat(self.problem, step.conditions), report)
-        return T[:, 0]
+    def _scalar(
+        self, k: int, step: Step, sums: PointSums, report: Report
+    ) -> tuple[Floats, Floats]:
+        kinds = tuple((c.boundary, _transfers(c, k)) for c in step.conditions)
+        system = self._system(ScalarSystem, k, kinds, step)
+        U, xi = self._scalar_stabilisation(k, step)
+        system.fill(step, self.state.scalars[k], xi[:, None] * U)
+        lumped = self.problem.scalars[k].form != "consistent"
+        blocks = Blocks(sums.cells, *sums.scalar(k, U, xi, lumped))
+        held = hold_scalar(self.problem, step.conditions, k)
+        s, left, _ = system.linear.solve(blocks, *held, report)
+        return s[:, 0], left[:, 0]
 
     def _flow(
-        self, step: Step, sums: PieceSums | None, data: FlowData, about: Floats, report: Report
+        self, step: Step, sums: PointSums, data: FlowData, about: Floats, report: Report
     ) -> tuple[Floats, Floats]:
-        kinds = tuple(
-            (c.boundary, isinstance(c.flow, Open), isinstance(c.flow, Velocity))
-            for c in step.conditions
-        )
-        system = self._system(FlowSystem, kinds, step)
+        kinds = tuple((c.boundary, isinstance(c.flow, Open)) for c in step.conditions)
+        system = self._system(FlowSystem, None, kinds, step)
         free, value, spread = hold_flow(self.problem, self.cells, step)
         system.fill(step, data, about, spread)
-        blocks = None
-        if sums is not None:
-            grains = sums.flow(data.stabilisation, self.problem.density, data.weight)
-            blocks = Blocks(sums.cells, *grains)
-        x, report.residual = system.linear.solve(blocks, free, value, report)
-        return x[:, :-1].copy(), x[:, -1].copy()
+        points = sums.flow(data.stabilisation, self.problem.density, data.weight)
+        blocks = Blocks(sums.cells, *points)
+        x, left, report.residual = system.linear.solve(blocks, free, value, report)
+        return x, left
 
-    def _system(self, make, kinds: tuple, step: Step):
-        """The forms for these kinds of conditions, made once; fills in what all have in common."""
-        parts = kinds, step.sources is not None, step.motion is not None
-        key = make, *parts
-        if key not in self.systems:
-            self.systems[key] = make(self, *parts)
+    def _system(self, make, k: int | None, kinds: tuple, step: Step):
+        """The forms for these kinds of conditions, of scalar k or of the flow, made once; fills in
+        what all have in common."""
+        parts = k, kinds, step.sources is not None, step.motion is not None
+        if parts not in self.systems:
+            self.systems[parts] = make(self, *parts)
         self.time_step.value = step.dt
         if step.motion is not None:
             self.layout.fill(self.mesh_velocity, step.motion.velocity)
         self.layout.fill(self.eps, step.voidage)
         self.layout.fill(self.old, self.state.velocity)
-        return self.systems[key]
+        return self.systems[parts]
 
 
 class FlowSystem:
-    """Forms of momentum and mass for one set of open boundaries and walls."""
+    """Forms of momentum and mass for one set of open boundaries."""
 
     def __init__(
         self,
         solver: FEniCSx,
-        kinds: tuple[tuple[str, bool, bool], ...],
+        _: None,
+        kinds: tuple[tuple[str, bool], ...],
         sources: bool,
         moving: bool,
     ):
@@ -145,7 +142,9 @@ class FlowSystem:
         )
         self.problem = problem
         self.at, self.weight, self.solid_flux = (layout.nodal(D) for _ in range(3))
-        self.passing = {name: layout.nodal(D) for name, is_open, _ in kinds if not is_open}
+        self.passing = {
+            name: (layout.nodal(), layout.nodal(D)) for name, is_open in kinds if not is_open
+        }
         self.share, self.xi, self.xi_c = layout.nodal(), layout.cellwise(), layout.cellwise()
         self.xi_U, self.source_u, self.source_p = (
             layout.cellwise(D),
@@ -153,7 +152,7 @@ class FlowSystem:
             layout.nodal(),
         )
         self.pressure = {
-            name: fem.Constant(layout.domain, 0.0) for name, is_open, _ in kinds if is_open
+            name: fem.Constant(layout.domain, 0.0) for name, is_open in kinds if is_open
         }
         self.spread = fem.Constant(layout.domain, 0.0)
         at, xi, xi_c, xi_U = self.at, self.xi, self.xi_c, self.xi_U
@@ -181,14 +180,15 @@ class FlowSystem:
                 dot(self.source_u, v + weighed) * dx
                 + self.source_p * (q + rho * xi_c * div(v)) * dx
             )
-        for name, is_open, of_fluid in kinds:
+        for name, is_open in kinds:
             part = ds(solver.part[name])
             if is_open:
                 matrix += eps * dot(u, n) * q * part
                 matrix -= rho * eps * ufl.min_value(dot(inflow, n), 0) * dot(u, v) * part
                 rhs -= self.pressure[name] * dot(n, v) * part
-                continue
-            rhs -= (eps if of_fluid else 1) * dot(self.passing[name], n) * q * part
+            else:
+                share, velocity = self.passing[name]
+                rhs -= share * dot(velocity, n) * q * part
         self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative")
 
     def fill(self, step: Step, data: FlowData, about: Floats, spread: float) -> None:
@@ -212,89 +212,87 @@ class FlowSystem:
             if isinstance(condition.flow, Open):
                 self.pressure[condition.boundary].value = condition.flow.pressure
             else:
-                velocity, _ = passing(self.problem, condition, step.motion)
-                self.layout.fill(self.passing[condition.boundary], velocity)
+                known = passing(self.problem, condition, step)
+                for field, values in zip(self.passing[condition.boundary], known, strict=True):
+                    self.layout.fill(field, values)
 
 
-class HeatSystem:
-    """Forms of the energy equation for one set of boundaries that exchange heat."""
+class ScalarSystem:
+    """Forms of the equation of a scalar for one set of boundaries that exchange it."""
 
     def __init__(
         self,
         solver: FEniCSx,
+        k: int,
         kinds: tuple[tuple[str, type | None], ...],
         sources: bool,
         moving: bool,
     ):
-        layout, dx, ds, n, heat = (
-            solver.layout,
-            solver.dx,
-            solver.ds,
-            solver.normal,
-            solver.problem.heat,
-        )
-        self.layout = layout
-        T, S = ufl.TrialFunction(layout.space), ufl.TestFunction(layout.space)
+        layout, dx, ds, n = solver.layout, solver.dx, solver.ds, solver.normal
+        scalar, self.layout, self.k = solver.problem.scalars[k], layout, k
+        s, S = ufl.TrialFunction(layout.space), ufl.TestFunction(layout.space)
         dt, eps, u = solver.time_step, solver.eps, solver.old
         if moving:
             u = u - solver.mesh_velocity
-        C, k, wall, wall_T = (
+        C, K, wall, wall_value = (
             fem.Constant(layout.domain, value)
             for value in (
-                heat.capacity,
-                heat.conductivity,
-                heat.wall_coefficient,
-                heat.wall_temperature,
+                scalar.capacity,
+                scalar.conductivity,
+                scalar.wall_coefficient,
+                scalar.wall_value,
             )
         )
         self.old, self.source = layout.nodal(), layout.nodal()
         self.xi_U = layout.cellwise(solver.problem.dimension)
-        self.wall = {
+        self.outside = {
             name: [fem.Constant(layout.domain, 0.0) for _ in range(2)]
             for name, kind in kinds
             if kind is not None
         }
 
         along = dot(self.xi_U, grad(S))
-        stored, carried = (eps * C / dt + wall) * T, eps * C * dot(u, grad(T))
-        residual = stored + carried - k * dot(grad(eps), grad(T))
-        points = dx(metadata=VERTICES) if heat.lumped else dx
+        stored, carried = (eps * C / dt + wall) * s, eps * C * dot(u, grad(s))
+        residual = stored + carried - K * dot(grad(eps), grad(s))
+        points = dx if scalar.form == "consistent" else dx(metadata=VERTICES)
         matrix = stored * S * points + residual * along * dx
-        matrix += (carried * S + eps * k * dot(grad(T), grad(S))) * dx
-        known = eps * C * self.old / dt + wall * wall_T
+        matrix += (carried * S + eps * K * dot(grad(s), grad(S))) * dx
+        known = eps * C * self.old / dt + wall * wall_value
         rhs = known * S * points + known * along * dx
         if sources:
             rhs += self.source * (S + along) * dx
         for name, kind in kinds:
             if kind is not None:
-                coefficient, outside = self.wall[name]
-                if kind is OpenHeat:
+                coefficient, outside = self.outside[name]
+                if kind is Outflow:
                     coefficient = -C * eps * ufl.min_value(dot(u, n), 0)
-                matrix += coefficient * T * S * ds(solver.part[name])
+                matrix += coefficient * s * S * ds(solver.part[name])
                 rhs += coefficient * outside * S * ds(solver.part[name])
-        self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative", heat.monotone)
+        monotone = scalar.form == "monotone"
+        self.linear = Linear(layout, matrix, rhs, solver.linear == "iterative", monotone)
 
     def fill(self, step: Step, old: Floats, xi_U: Floats) -> None:
         """Takes the coefficients of a step."""
         self.layout.fill(self.old, old)
         self.layout.fill_cells(self.xi_U, xi_U)
         if step.sources is not None:
-            self.layout.fill(self.source, step.sources.heat)
+            self.layout.fill(self.source, step.sources.scalars[self.k])
         for condition in step.conditions:
-            if condition.boundary in self.wall:
-                coefficient, outside = self.wall[condition.boundary]
-                outside.value = condition.heat.temperature
-                if isinstance(condition.heat, Newton):
-                    coefficient.value = condition.heat.coefficient
+            if condition.boundary in self.outside:
+                coefficient, outside = self.outside[condition.boundary]
+                given = condition.scalar(self.k)
+                outside.value = given.outside
+                if isinstance(given, Transfer):
+                    coefficient.value = given.coefficient
 
 
-def _transfers_heat(condition: Condition) -> type | None:
-    """The kind of a condition that adds a term to the energy equation."""
-    match condition.heat:
-        case Newton():
-            return Newton
-        case OpenHeat(temperature) if temperature is not None:
-            return OpenHeat
+def _transfers(condition: Condition, k: int) -> type | None:
+    """The kind of a condition that adds a term to the equation of scalar k."""
+    match condition.scalar(k):
+        case Transfer():
+            return Transfer
+        case Outflow(outside) if outside is not None:
+            return Outflow
     return None
 
 

@@ -96,7 +96,7 @@ class Layout:
 
 
 class Linear:
-    """A linear system: its forms, the matrices of the grains, the held unknowns, and the solver."""
+    """A linear system: its forms, the matrices of the points, the held unknowns, and the solver."""
 
     def __init__(
         self,
@@ -113,13 +113,13 @@ class Linear:
         self.components = self.rhs.block_size
 
     def solve(
-        self, blocks: Blocks | None, free: Floats, value: Floats, report: Report
-    ) -> tuple[Floats, float]:
+        self, blocks: Blocks, free: Floats, value: Floats, report: Report
+    ) -> tuple[Floats, Floats, float]:
         """Solves where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`).
 
         The rest is ``value``: the conditions take the place of the equations that fall away, scaled
-        as the diagonal that they had. Returns the solution, one row per node, and the residual
-        relative to the right-hand side, both scaled to a unit diagonal.
+        as the diagonal that they had. Returns x and A x - b without them, one row per node, and the
+        residual of what was solved relative to the right-hand side, both scaled to a unit diagonal.
         """
         self._assemble(blocks)
         A, b = self._hold(free[self.layout.owned_node], value[self.layout.owned_node])
@@ -143,11 +143,13 @@ class Linear:
             text = f"the linear system was not solved: its relative residual is {residual:.1e}"
             raise ArithmeticError(text)
         x.pointwiseMult(x, unit)
-        solution = self.layout.gather(x.array.reshape(-1, self.components))
+        left = self.matrix * x - self.rhs
+        found = (self.layout.gather(each.array.reshape(-1, self.components)) for each in (x, left))
+        solution, unheld = found
         PETSc.garbage_cleanup(A.comm)  # with several ranks nothing is freed before
-        return solution, residual
+        return solution, unheld, residual
 
-    def _assemble(self, blocks: Blocks | None) -> None:
+    def _assemble(self, blocks: Blocks) -> None:
         A, b = self.matrix, self.rhs
         A.zeroEntries()
         petsc.assemble_matrix(A, self.matrix_form)
@@ -155,8 +157,7 @@ class Linear:
         with b.localForm() as local:
             local.set(0)
         petsc.assemble_vector(b, self.rhs_form)
-        if blocks is not None:
-            self._add(blocks)
+        self._add(blocks)
         A.assemble()
         if self.monotone:
             self._upwind()
@@ -234,7 +235,7 @@ class Linear:
         pc.setFieldSplitIS(("u", velocity), ("p", pressure))
         pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
         pc.setFieldSplitSchurFactType(PETSc.PC.SchurFactType.UPPER)
-        # Stabilisation and mobility of the grains make the pressure block a fair Schur complement.
+        # Stabilisation and mobility of the points make the pressure block a fair Schur complement.
         # The other choice, SELFP, saves a third of the iterations in most flows, but does not
         # converge in a packed bed.
         pc.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.A11)

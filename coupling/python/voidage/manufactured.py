@@ -1,10 +1,10 @@
 """A manufactured solution for any fluid solver in Python: errors, orders, and what they cost.
 
-``python -m voidage.manufactured SOLVER --squares N`` solves steady flow with heat through a still
-field of voidage on a mesh of N x N squares and prints, as JSON, the relative errors and the time
-that the solver took. SOLVER is a module or a file, as for ``voidage.adapter``. ``voidage study``
-runs it for the solvers that are not in Rust; sources, meshes and errors are derived here again, so
-that nothing is shared with the one in Rust but the method.
+``python -m voidage.manufactured SOLVER --squares N`` solves steady flow with a temperature through
+a still field of voidage on a mesh of N x N squares and prints, as JSON, the relative errors and the
+time that the solver took. SOLVER is a module or a file, as for ``voidage.adapter``.
+``voidage study`` runs it for the solvers that are not in Rust; sources, meshes and errors are
+derived here again, so that nothing is shared with the one in Rust but the method.
 """
 
 import argparse
@@ -19,13 +19,12 @@ from .cells import Cells
 from .solver import (
     Condition,
     Fields,
-    Heat,
     Problem,
-    Report,
+    Scalar,
     Solver,
     Sources,
     Step,
-    Temperature,
+    Value,
     Velocity,
 )
 
@@ -103,7 +102,7 @@ def manufactured(points, name: str, t: float):
     force -= np.einsum("ijn,jn->in", grad_u + grad_u.swapaxes(0, 1), slope)
     heat = eps * (np.sum(u * grad_T, axis=0) + (growth["T"] + 2 * pi**2) * T)
     heat -= np.sum(slope * grad_T, axis=0)
-    return eps, Fields(u.T, p, T), Sources(force.T, np.sum(slope * u, axis=0), heat)
+    return eps, Fields(u.T, p, (T,)), Sources(force.T, np.sum(slope * u, axis=0), (heat,))
 
 
 def squares(n: int, turning: bool = True):
@@ -145,7 +144,7 @@ def off(points, cells, fields: Fields, fields_of: str = "still") -> dict[str, fl
     """Errors of nodal fields by name; the pressure is moved to the mean of the exact one."""
     volume, known = Cells(points, cells).nodal_volume, exact(points, fields_of)[1][0][0]
     pressure = fields.pressure - volume @ (fields.pressure - known) / volume.sum()
-    nodal = fields.velocity.T, [pressure], [fields.temperature]
+    nodal = fields.velocity.T, [pressure], fields.scalars
     names = (("u", "grad u"), ("p", "grad p"), ("T", "grad T"))
     found = {}
     for k, (pair, values) in enumerate(zip(names, nodal, strict=True)):
@@ -161,8 +160,8 @@ def solve(
     steps: tuple[float, int] | None = None,
     turning: bool = True,
 ) -> tuple[Fields, dict[str, float]]:
-    """The fields of the last of time steps (their length and number, or those of ``FIELDS``), each of
-    two Newton steps, and seconds by phase."""
+    """The fields of the last of time steps (their length and number, or those of ``FIELDS``), each
+    of two Newton steps, and seconds by phase."""
     points, cells, boundaries = squares(n, turning)
     dt, count = steps or FIELDS[name]
     eps, start, _ = manufactured(points, name, 0.0)
@@ -175,7 +174,7 @@ def solve(
         viscosity=1.0,
         gravity=np.zeros(2),
         fields=start,
-        heat=Heat(1.0, 1.0, 0.0, 0.0, lumped=False),
+        scalars=(Scalar("temperature", capacity=1.0, conductivity=1.0),),
         newton=2,
         tolerance=1e-11 if name == "unsteady" else 1e-12,
     )
@@ -184,14 +183,14 @@ def solve(
     spent = {"mesh": perf_counter() - begun, "flow": 0.0, "energy": 0.0}
     for step in range(count):
         eps, known, sources = manufactured(points, name, (step + 1) * dt)
-        held = Velocity(known.velocity), Temperature(known.temperature)
+        held = Velocity(known.velocity), tuple(map(Value, known.scalars))
         conditions = [Condition(side, *held) for side in boundaries]
-        report: Report = solver.solve(Step(dt, conditions, eps, sources=sources))[1]
+        solution = solver.solve(Step(dt, conditions, eps, sources=sources))
         solver.accept()
-        spent["flow"] += report.flow_s
-        spent["energy"] += report.heat_s
+        spent["flow"] += solution.report.flow_s
+        spent["energy"] += solution.report.scalars_s
     spent["all"], spent["cpu"] = perf_counter() - begun, process_time() - cpu
-    return solver.fields(), spent
+    return solution.fields, spent
 
 
 def measured(solver: Solver, n: int) -> dict:
@@ -203,7 +202,7 @@ def measured(solver: Solver, n: int) -> dict:
     fields, spent = solve(solver, n)
     points, cells, _ = squares(n)
     zero = np.zeros(len(points))
-    sizes = off(points, cells, Fields(np.zeros_like(points), zero, zero))
+    sizes = off(points, cells, Fields(np.zeros_like(points), zero, (zero,)))
     found = off(points, cells, fields)
     steps = FIELDS["still"][1]
     steps_s, steps_cpu_s = spent.pop("all"), spent.pop("cpu")

@@ -1,19 +1,16 @@
-"""The fluid in scikit-fem: volume-averaged Navier-Stokes with heat, stabilised P1-P1 elements.
+"""The fluid in scikit-fem: volume-averaged Navier-Stokes with scalars, stabilised P1-P1 elements.
 
     <eps rho Du/Dt, v> + <sigma, grad v> + <gamma_l u, v> - <f_p, v>
-        - <eps rho g (1 - beta (T - T_R)), v>
+        - <eps rho g (1 - sum beta (s - s_R)), v>
         + sum_e xi <R_u, (U . grad) v>_e + sum_e rho xi_c <R_p, div v>_e = <<sigma n, v>>
     <div(phi v*), q> + <div(eps u), q> + sum_e (xi / rho) <R_u, grad q>_e = 0
-    <eps C DT/Dt, S> + <eps k grad T, grad S> - <q_p + q_l, S>
-        + sum_e xi_T <R_T, U . grad S>_e = boundary heat
+    <eps C Ds/Dt, S> + <eps k grad s, grad S> - <q_p + q_l, S>
+        + sum_e xi_T <R_s, U . grad S>_e = what the boundary gives of scalar s
 
 Backward Euler from u_n; the convection is linearised about a velocity w, once (w = u_n) or more
-often; U is u_n - u_mesh at the centroid, D/Dt = d/dt + (u - u_mesh) . grad. The energy is solved
-first, with u_n. The terms of the grains come from :mod:`voidage.pieces`.
+often; U is u_n - u_mesh at the centroid, D/Dt = d/dt + (u - u_mesh) . grad. The scalars are solved
+first, with u_n. The terms of the points come from :mod:`voidage.points`.
 """
-
-from math import factorial
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,34 +21,20 @@ from skfem import (
     ElementTetP1,
     ElementTriP1,
     ElementVector,
-    FacetBasis,
     LinearForm,
     MeshTet,
     MeshTri,
 )
 from skfem.helpers import ddot, div, dot, grad, mul, transpose
 
-from .boundary import hold_flow, hold_heat, passing
+from .boundary import flow_terms, hold_flow, hold_scalar, scalar_terms
 from .finite_elements import NEARLY_SINGULAR, FiniteElements, FlowData
-from .pieces import PieceSums
-from .solver import Condition, Floats, Integers, Newton, Open, OpenHeat, Problem, Report, Step
+from .points import PointSums
+from .solver import Floats, Integers, Problem, Report, Step
 
 Sparse = sp.csr_array | sp.csr_matrix
 QUADRATURE = 4
-"""Degree of the rules in cells and on facets; there it matters: upwind terms are no polynomials."""
-
-
-class Facets(NamedTuple):
-    """The spaces of T, u and (u, p) on a part of the boundary."""
-
-    scalar: FacetBasis
-    vector: FacetBasis
-    mixed: FacetBasis
-
-    def inflow(self, wind: Floats) -> Floats:
-        """min(wind . n, 0) at the quadrature points."""
-        u = self.vector.interpolate(wind.ravel())
-        return np.minimum(dot(u, self.scalar.normals), 0)
+"""Degree of the rule. All terms of cells are polynomials of this degree at most."""
 
 
 class ScikitFem(FiniteElements):
@@ -70,93 +53,65 @@ class ScikitFem(FiniteElements):
         plane = problem.dimension == 2
         make, scalar = (MeshTri, ElementTriP1()) if plane else (MeshTet, ElementTetP1())
         mesh = make(problem.points.T.copy(), problem.cells.T.copy())
-        vector, mixed = ElementVector(scalar), ElementVector(scalar) * scalar
+        mixed = ElementVector(scalar) * scalar
         self.scalar = Basis(mesh, scalar, intorder=QUADRATURE)
-        corners = np.eye(problem.dimension, problem.dimension + 1, 1)
-        weights = np.full(corners.shape[1], 1 / factorial(corners.shape[1]))
-        self.vertices = Basis(mesh, scalar, quadrature=(corners, weights))
-        self.vector, self.mixed = map(self.scalar.with_element, (vector, mixed))
-        self.facets = {}
-        for name, nodes in problem.boundaries.items():
-            numbers = _facet_numbers(mesh.facets.T, nodes)
-            basis = FacetBasis(mesh, scalar, facets=numbers, intorder=QUADRATURE)
-            self.facets[name] = Facets(basis, *map(basis.with_element, (vector, mixed)))
+        self.vector, self.mixed = map(self.scalar.with_element, (ElementVector(scalar), mixed))
 
-    def _energy(self, step: Step, sums: PieceSums | None, report: Report) -> Floats:
-        problem, heat, dt = self.problem, self.problem.heat, step.dt
-        C, k = heat.capacity, heat.conductivity
-        wall, wall_T = heat.wall_coefficient, heat.wall_temperature
-        eps = self.scalar.interpolate(step.voidage)
-        u = self.vector.interpolate(self._wind(step).ravel())
-        old = self.scalar.interpolate(self.state.temperature)
-        source = 0 if step.sources is None else self.scalar.interpolate(step.sources.heat)
-        U, xi = self.heat_stabilisation(step)
+    def _at(self, nodal: Floats):
+        """A nodal field at the quadrature points of the cells."""
+        return (self.vector if nodal.ndim == 2 else self.scalar).interpolate(nodal.ravel())
+
+    def _scalar(
+        self, k: int, step: Step, sums: PointSums, report: Report
+    ) -> tuple[Floats, Floats]:
+        problem, scalar = self.problem, self.problem.scalars[k]
+        C, K, wall = scalar.capacity, scalar.conductivity, scalar.wall_coefficient
+        lumped, old = scalar.form != "consistent", self.state.scalars[k]
+        U, xi = self._scalar_stabilisation(k, step)
         xi_U = (xi[:, None] * U).T[:, :, None]
+        eps, u = self._at(step.voidage), self._at(self._wind(step))
+        source = 0 if step.sources is None else self._at(step.sources.scalars[k])
+        known = C / step.dt * eps * self._at(old) + wall * scalar.wall_value
 
         @BilinearForm
-        def storage(T, S, w):
-            return (w.eps * C / dt + wall) * T * S
-
-        @LinearForm
-        def stored(S, w):
-            return (w.eps * C * w.old / dt + wall * wall_T) * S
-
-        @BilinearForm
-        def matrix(T, S, _):
-            carried = eps * C * dot(u, grad(T))
-            residual = (eps * C / dt + wall) * T + carried - k * dot(grad(eps), grad(T))
-            return carried * S + eps * k * dot(grad(T), grad(S)) + residual * dot(xi_U, grad(S))
+        def matrix(s, S, _):
+            stored, carried = (C / step.dt * eps + wall) * s, C * eps * dot(u, grad(s))
+            residual = stored + carried - K * dot(grad(eps), grad(s))
+            galerkin = carried if lumped else stored + carried
+            spread = eps * K * dot(grad(s), grad(S))
+            return galerkin * S + spread + residual * dot(xi_U, grad(S))
 
         @LinearForm
         def rhs(S, _):
-            known = eps * C * old / dt + wall * wall_T
-            return known * dot(xi_U, grad(S)) + source * (S + dot(xi_U, grad(S)))
+            along = dot(xi_U, grad(S))
+            return known * (along if lumped else S + along) + source * (S + along)
 
         A, b = matrix.assemble(self.scalar), rhs.assemble(self.scalar)
-        points = self.vertices if heat.lumped else self.scalar
-        at = {
-            "eps": points.interpolate(step.voidage),
-            "old": points.interpolate(self.state.temperature),
-        }
-        A, b = A + storage.assemble(points, **at), b + stored.assemble(points, **at)
+        if lumped:
+            volume, rate = self.cells.nodal_volume, C / step.dt * step.voidage
+            A = A + sp.diags_array(volume * (rate + wall))
+            b = b + volume * (rate * old + wall * scalar.wall_value)
         for condition in step.conditions:
-            facets = self.facets[condition.boundary]
-            match condition.heat:
-                case Newton(coefficient, outside):
-                    transfer = coefficient
-                case OpenHeat(outside) if outside is not None:
-                    wet = facets.scalar.interpolate(step.voidage)
-                    transfer = -C * wet * facets.inflow(self._wind(step))
-                case _:
-                    continue
-            A = A + BilinearForm(lambda T, S, _, h=transfer: h * T * S).assemble(facets.scalar)
-            b = b + LinearForm(lambda S, _, h=transfer * outside: h * S).assemble(facets.scalar)
-        if sums is not None and sums.heated:
-            blocks, loads = sums.energy(U, xi, heat.lumped)
-            A, b = _add_blocks(A, b, self.problem.cells[sums.cells], blocks, loads)
-        if heat.monotone:
+            A, b = _add(A, b, *scalar_terms(problem, condition, step, self._wind(step), k))
+        A, b = _add(A, b, problem.cells[sums.cells], *sums.scalar(k, U, xi, lumped))
+        if scalar.form == "monotone":
             A = _upwind(A)
-        T, _ = _solve(A, b, *hold_heat(problem, step.conditions), problem.tolerance)
-        report.iterations += 1
-        return T[:, 0]
+        s, left, _ = self._solve(A, b, *hold_scalar(problem, step.conditions, k), report)
+        return s[:, 0], left[:, 0]
 
     def _flow(
-        self, step: Step, sums: PieceSums | None, data: FlowData, about: Floats, report: Report
+        self, step: Step, sums: PointSums, data: FlowData, about: Floats, report: Report
     ) -> tuple[Floats, Floats]:
         problem, dt = self.problem, step.dt
         rho, eta, thin = problem.density, problem.viscosity, problem.thin_cell_drag
-        eps = self.scalar.interpolate(step.voidage)
-        old = self.vector.interpolate(self.state.velocity.ravel())
-        at = self.vector.interpolate(about.ravel())
         mesh_velocity = 0 if step.motion is None else step.motion.velocity
-        wind = self.vector.interpolate((about - mesh_velocity).ravel())
+        eps, old, at = map(self._at, (step.voidage, self.state.velocity, about))
+        wind, solid_flux = self._at(about - mesh_velocity), self._at(data.solid_flux)
+        weight = self._at(data.share) * self._at(data.weight)
         free, value, spread = hold_flow(problem, self.cells, step)
-        weight = self.scalar.interpolate(data.share) * self.vector.interpolate(data.weight.ravel())
-        solid_flux = self.vector.interpolate(data.solid_flux.ravel())
         source_u = source_p = 0
         if step.sources is not None:
-            source_u = self.vector.interpolate(step.sources.momentum.ravel())
-            source_p = self.scalar.interpolate(step.sources.mass)
+            source_u, source_p = self._at(step.sources.momentum), self._at(step.sources.mass)
         xi, xi_c = data.stabilisation.time[:, None], data.stabilisation.incompressibility[:, None]
         xi_U = xi * data.stabilisation.direction.T[:, :, None]
 
@@ -185,50 +140,52 @@ class ScikitFem(FiniteElements):
 
         A, b = matrix.assemble(self.mixed), rhs.assemble(self.mixed)
         for condition in step.conditions:
-            facets = self.facets[condition.boundary]
-            A, b = self._add_boundary(A, b, condition, facets, step)
-        if sums is not None:
-            blocks, loads = sums.flow(data.stabilisation, rho, data.weight)
-            A, b = _add_blocks(A, b, problem.cells[sums.cells], blocks, loads)
-        x, report.residual = _solve(A, b, free, value, problem.tolerance)
-        report.iterations += 1
-        return x[:, :-1].copy(), x[:, -1].copy()
+            A, b = _add(A, b, *flow_terms(problem, condition, step, self._wind(step)))
+        points = sums.flow(data.stabilisation, rho, data.weight)
+        A, b = _add(A, b, problem.cells[sums.cells], *points)
+        x, left, report.residual = self._solve(A, b, free, value, report)
+        return x, left
 
-    def _add_boundary(
-        self,
-        A: Sparse,
-        b: Floats,
-        condition: Condition,
-        facets: Facets,
-        step: Step,
-    ) -> tuple[Sparse, Floats]:
-        """<<eps u . n, q>>, and if open <<p_out n, v>> - <<eps rho min(wind . n, 0) u, v>>.
+    def _solve(
+        self, A: Sparse, b: Floats, free: Floats, value: Floats, report: Report
+    ) -> tuple[Floats, Floats, float]:
+        """Solves A x = b where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`).
 
-        Where the boundary is not open, what passes is known.
+        The rest is ``value``: the conditions take the place of the equations that fall away, scaled
+        as the diagonal that they had. Returns x and A x - b, one row per node, and the residual of
+        what was solved relative to the right-hand side, both scaled to a unit diagonal.
         """
-        eps, basis, flow = facets.scalar.interpolate(step.voidage), facets.mixed, condition.flow
-        if isinstance(flow, Open):
-            A = A + BilinearForm(lambda u, p, v, q, w: eps * dot(u, w.n) * q).assemble(basis)
-            taken = -self.problem.density * eps * facets.inflow(self._wind(step))
-            A = A + BilinearForm(lambda u, p, v, q, w: taken * dot(u, v)).assemble(basis)
-            return A, b - LinearForm(lambda v, q, w: flow.pressure * dot(w.n, v)).assemble(basis)
-        velocity, of_fluid = passing(self.problem, condition, step.motion)
-        flux = (eps if of_fluid else 1) * facets.vector.interpolate(velocity.ravel())
-        return A, b - LinearForm(lambda v, q, w: dot(flux, w.n) * q).assemble(basis)
+        count = len(free)
+        projector = sp.bsr_array((free, np.arange(count), np.arange(count + 1))).tocsr()
+        scale = sp.diags_array(np.abs(A.diagonal())) @ (sp.eye_array(len(b)) - projector)
+        held, known = projector @ A + scale, projector @ b + scale @ value.ravel()
+        # Scaled to a unit diagonal the system hardly needs pivots, and fills little.
+        unit = 1 / np.sqrt(np.abs(held.diagonal()))
+        held = sp.csc_array(sp.diags_array(unit) @ held @ sp.diags_array(unit))
+        known = unit * known
+        factors = splu(
+            held, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True}
+        )
+        x = factors.solve(known)
+        x += factors.solve(known - held @ x)
+        residual = float(np.linalg.norm(known - held @ x) / (np.linalg.norm(known) or 1))
+        if not residual <= max(self.problem.tolerance, NEARLY_SINGULAR):
+            raise ArithmeticError(
+                f"the linear system is nearly singular: its relative residual is {residual:.1e}"
+            )
+        report.iterations += 1
+        x *= unit
+        return x.reshape(value.shape), (A @ x - b).reshape(value.shape), residual
 
 
-def _facet_numbers(all_facets: Integers, wanted: Integers) -> Integers:
-    number = {tuple(nodes): k for k, nodes in enumerate(np.sort(all_facets, axis=1).tolist())}
-    return np.array([number[tuple(nodes)] for nodes in np.sort(wanted, axis=1).tolist()], dtype=int)
-
-
-def _add_blocks(
-    A: Sparse, b: Floats, cells: Integers, blocks: Floats, loads: Floats
+def _add(
+    A: Sparse, b: Floats, nodes: Integers, blocks: Floats, loads: Floats
 ) -> tuple[Sparse, Floats]:
-    """Adds the equations of cells, whose unknowns are those of their nodes in turn."""
-    components = loads.size // cells.size
-    dofs = (components * cells[:, :, None] + np.arange(components)).reshape(len(cells), -1)
-    size = dofs.shape[1]
+    """Adds the terms of cells or facets, whose unknowns are those of their nodes in turn."""
+    components = np.prod(loads.shape[2:], dtype=int)
+    dofs = components * nodes[:, :, None] + np.arange(components)
+    size = components * nodes.shape[1]
+    dofs = dofs.reshape(len(nodes), size)
     rows, columns = np.repeat(dofs, size, axis=1), np.tile(dofs, (1, size))
     more = sp.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), A.shape)
     return A + more.tocsr(), b + np.bincount(dofs.ravel(), loads.ravel(), len(b))
@@ -239,33 +196,6 @@ def _upwind(A: Sparse) -> Sparse:
     excess = sp.csr_array(A.maximum(A.T).maximum(0))
     excess.setdiag(0)
     return A - excess + sp.diags_array(excess.sum(axis=1))
-
-
-def _solve(
-    A: Sparse, b: Floats, free: Floats, value: Floats, tolerance: float
-) -> tuple[Floats, float]:
-    """Solves A x = b where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`).
-
-    The rest is ``value``: the conditions take the place of the equations that fall away, scaled as
-    the diagonal that they had. Returns the solution, one row per node, and the residual relative to
-    the right-hand side, both scaled to a unit diagonal.
-    """
-    count = len(free)
-    projector = sp.bsr_array((free, np.arange(count), np.arange(count + 1))).tocsr()
-    held = sp.diags_array(np.abs(A.diagonal())) @ (sp.eye_array(len(b)) - projector)
-    A, b = projector @ A + held, projector @ b + held @ value.ravel()
-    # Scaled to a unit diagonal the system hardly needs pivots, and fills little.
-    unit = 1 / np.sqrt(np.abs(A.diagonal()))
-    A, b = sp.csc_array(sp.diags_array(unit) @ A @ sp.diags_array(unit)), unit * b
-    factors = splu(A, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
-    x = factors.solve(b)
-    x += factors.solve(b - A @ x)
-    residual = float(np.linalg.norm(b - A @ x) / (np.linalg.norm(b) or 1))
-    if not residual <= max(tolerance, NEARLY_SINGULAR):
-        raise ArithmeticError(
-            f"the linear system is nearly singular: its relative residual is {residual:.1e}"
-        )
-    return (unit * x).reshape(value.shape), residual
 
 
 if __name__ == "__main__":

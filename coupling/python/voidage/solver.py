@@ -1,14 +1,16 @@
-"""What a fluid solver is: the data it gets, the data it gives, and the four methods between them.
+"""What a fluid solver is: the data it gets, the data it gives, and the three methods between them.
 
-A solver never knows the coupling scheme. Grain ``i`` comes with its drag coefficient ``gamma`` and
-the affine law of the velocity that it will have, ``v* = velocity + mobility (gamma u - volume grad
-p)``; with heat likewise ``T* = temperature + mobility (coefficient T)``. All quantities are in SI
-units; ``D`` is 2 or 3, ``n`` counts nodes, ``m`` cells, ``g`` grains, ``q`` pieces of grains.
+A solver knows neither grains nor the coupling scheme. What is immersed in the fluid comes as
+points. A point lies in a cell, has a volume and a drag coefficient of its own, and follows the
+affine law ``v* = velocity + mobility (drag u - volume grad p)``; for a scalar s that it exchanges
+with the fluid likewise ``s* = value + mobility coefficient s``. All quantities are in SI units;
+``D`` is 2 or 3, ``n`` counts nodes, ``m`` cells, ``q`` points.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,34 +51,34 @@ class Open:
 
 
 @dataclass(frozen=True)
-class Temperature:
-    """Prescribed temperature, one number or one per node of the mesh, K."""
+class Value:
+    """Prescribed scalar, one number or one per node of the mesh."""
 
-    value: Floats
+    value: Floats | float
 
 
 @dataclass(frozen=True)
-class Newton:
-    """Newton cooling, q = coefficient (temperature - T); W/m2/K and K."""
+class Transfer:
+    """Flux coefficient (outside - s) into the fluid: of heat in W/m2, coefficient in W/m2/K."""
 
     coefficient: float
-    temperature: float
+    outside: float
 
 
 @dataclass(frozen=True)
-class Adiabatic:
-    """No heat flux."""
+class Insulated:
+    """No flux."""
 
 
 @dataclass(frozen=True)
-class OpenHeat:
-    """No diffusive flux; fluid that enters has the given temperature, K, if there is one."""
+class Outflow:
+    """No diffusive flux; fluid that enters has the value ``outside``, if there is one."""
 
-    temperature: float | None
+    outside: float | None
 
 
 Flow = Velocity | SuperficialVelocity | NoSlip | Slip | Open
-HeatFlow = Temperature | Newton | Adiabatic | OpenHeat
+ScalarCondition = Value | Transfer | Insulated | Outflow
 
 
 @dataclass(frozen=True)
@@ -85,43 +87,49 @@ class Condition:
 
     boundary: str
     flow: Flow
-    heat: HeatFlow = Adiabatic()
+    scalars: tuple[ScalarCondition, ...] = ()
+    """One per scalar; where those at the end are missing, the part is insulated."""
+
+    def scalar(self, k: int) -> ScalarCondition:
+        """The condition of scalar ``k``."""
+        return self.scalars[k] if k < len(self.scalars) else Insulated()
 
 
 @dataclass(frozen=True)
-class Heat:
-    """Thermal properties of the fluid."""
+class Scalar:
+    """A scalar s that the fluid carries: the temperature, or what a user adds. Units of heat."""
 
+    name: str
     capacity: float
-    """Volumetric capacity rho c, J/m3/K."""
+    """Volumetric capacity C: rho c, J/m3/K; 1 for a tracer."""
     conductivity: float
-    """k, W/m/K."""
-    expansion: float
-    """beta, 1/K."""
-    reference: float
-    """Temperature T_R at which gravity acts on the density rho, K."""
+    """k, W/m/K; the diffusivity of a tracer, m2/s."""
+    expansion: float = 0.0
+    """beta in the weight rho g (1 - sum of beta (s - s_R)), 1/K."""
+    reference: float = 0.0
+    """s_R, K."""
     wall_coefficient: float = 0.0
-    """lambda in q_l = lambda (T_w - T), heat from the front and rear walls of a thin cell,
-    W/m3/K."""
-    wall_temperature: float = 0.0
-    """T_w, K."""
-    lumped: bool = False
-    """Whether storage and exchange are lumped in the Galerkin equations: storage and thin cell by the
-    vertex rule, the grains by the sums of the rows. Temperatures then keep their bounds where the
-    exchange over a cell outweighs its diffusion."""
-    monotone: bool = False
-    """Whether no temperature leaves the range of those around it: instead of streamline diffusion the
-    matrix gets the least symmetric diffusion between neighbours that leaves no positive entry beside
-    the diagonal. Comes with ``lumped``."""
+    """lambda in q_l = lambda (s_w - s), from the front and rear walls of a thin cell, W/m3/K."""
+    wall_value: float = 0.0
+    """s_w, K."""
+    form: Literal["consistent", "lumped", "monotone"] = "consistent"
+    """``lumped``: storage and exchange are lumped in the Galerkin equations, storage and thin cell
+    by the vertex rule, the points by the sums of the rows. Values then keep their bounds where the
+    exchange over a cell outweighs its diffusion. ``monotone``: besides, no value leaves the range
+    of those around it. Instead of streamline diffusion the matrix gets the least symmetric
+    diffusion between neighbours that leaves no positive entry beside the diagonal."""
 
 
 @dataclass(frozen=True)
 class Fields:
-    """Nodal values: velocity (n, D), pressure (n), and temperature (n) with heat."""
+    """Nodal values."""
 
     velocity: Floats
+    """(n, D)."""
     pressure: Floats
-    temperature: Floats | None = None
+    """(n)."""
+    scalars: tuple[Floats, ...] = ()
+    """(n) each, in the order of ``Problem.scalars``."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +147,7 @@ class Problem:
     viscosity: float
     gravity: Floats
     fields: Fields
-    heat: Heat | None = None
+    scalars: tuple[Scalar, ...] = ()
     thin_cell_drag: float = 0.0
     """gamma_l in f_l = -gamma_l u, drag of the front and rear walls of a thin cell, kg/m3/s."""
     newton: int = 1
@@ -147,7 +155,7 @@ class Problem:
     tolerance: float = 1e-8
     """Relative residual of the linear systems, for solvers that iterate."""
     drag_in_stabilisation: bool = False
-    """Whether the drag of the grains enters the stabilisation time."""
+    """Whether the drag of the points enters the stabilisation time."""
 
     @property
     def dimension(self) -> int:
@@ -156,56 +164,39 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class GrainHeat:
-    """Heat columns of the grains, (g) each."""
+class PointScalar:
+    """What the points exchange of a scalar: s* = value + mobility coefficient s, (q) each."""
 
     coefficient: Floats
-    """hA, W/K."""
+    """W/K for heat."""
     mobility: Floats
-    """aT, K/W."""
-    temperature: Floats
-    """bT, K."""
+    """K/W for heat."""
+    value: Floats
+    """K for heat."""
 
 
 @dataclass(frozen=True)
-class VelocityLaw:
-    """A law v* = velocity + mobility (gamma u - volume grad p), (g) each."""
+class Points:
+    """What is immersed in the fluid, point by point."""
 
-    mobility: Floats
-    """s/kg."""
-    velocity: Floats
-    """m/s, (g, D)."""
-
-
-@dataclass(frozen=True)
-class Grains:
-    """Columns of the grains, (g) each."""
-
-    volume: Floats
-    """V, m3 (m2 in the plane)."""
-    drag: Floats
-    """gamma, kg/s."""
-    mobility: Floats
-    """a, s/kg."""
-    velocity: Floats
-    """b, m/s, (g, D)."""
-    heat: GrainHeat | None = None
-    continuity: VelocityLaw | None = None
-    """The law of the solid flux in the equation of mass, where it is not that of momentum."""
-
-
-@dataclass(frozen=True)
-class Pieces:
-    """The grains cut by the mesh: grain i owns pieces ``first[i]`` to ``first[i + 1]``."""
-
-    first: Integers
-    """(g + 1)."""
     cell: Integers
-    """(q)."""
+    """The cell that a point lies in, (q)."""
     shape: Floats
-    """Shape functions of the cell at the centroid of the piece, (q, D + 1)."""
-    share: Floats
-    """Share of the grain's volume, (q); sums to one per grain."""
+    """Shape functions of the cell at the point, (q, D + 1)."""
+    volume: Floats
+    """V, m3 (m2 in the plane), (q)."""
+    drag: Floats
+    """gamma, kg/s, (q)."""
+    mobility: Floats
+    """a of the law v* = b + a (gamma u - V grad p) in momentum, s/kg, (q)."""
+    velocity: Floats
+    """b of that law, m/s, (q, D)."""
+    flux_mobility: Floats
+    """a of the law in the equation of mass, s/kg, (q)."""
+    flux_velocity: Floats
+    """b of that law, m/s, (q, D)."""
+    scalars: tuple[PointScalar | None, ...]
+    """One per scalar of the problem; None for one that the points do not exchange."""
 
 
 @dataclass(frozen=True)
@@ -220,12 +211,14 @@ class Motion:
 
 @dataclass(frozen=True)
 class Sources:
-    """Nodal sources per volume, for manufactured solutions: momentum (n, D), mass over density,
-    heat."""
+    """Nodal sources per volume, for manufactured solutions."""
 
     momentum: Floats
+    """N/m3, (n, D)."""
     mass: Floats
-    heat: Floats
+    """Over the density, 1/s, (n)."""
+    scalars: tuple[Floats, ...]
+    """W/m3 for heat, (n) each."""
 
 
 @dataclass(frozen=True)
@@ -237,38 +230,49 @@ class Step:
     """In the order of the scene: where prescribed values meet, the later wins."""
     voidage: Floats
     """(n)."""
-    grains: Grains | None = None
-    pieces: Pieces | None = None
-    """Present with grains."""
+    points: Points | None = None
     sources: Sources | None = None
     motion: Motion | None = None
-    """Present if the mesh moves; the grains are then cut by the mesh where it is at the end."""
+    """Present if the mesh moves; the points then lie in the mesh where it is at the end."""
 
 
 @dataclass(frozen=True)
-class AtGrains:
-    """The fluid at each grain, means over its pieces: (g, D), (g, D), (g)."""
+class Balance:
+    """What passes a named part of the boundary in a step; in the plane all per metre of depth."""
 
-    velocity: Floats
-    pressure_gradient: Floats
-    temperature: Floats | None = None
+    flux: float
+    """Volume that leaves: of fluid, where a wall moves of the whole mixture, m3/s."""
+    force: Floats
+    """Of the fluid on the part; of an open one with the momentum that entering fluid takes up, N,
+    (D)."""
+    scalars: tuple[float, ...]
+    """What the part gives to the fluid of each scalar by conduction, by transfer and by the value
+    of the fluid that enters, W for heat."""
+    carried: tuple[float, ...]
+    """What leaves of each scalar with the fluid: capacity times value times flux, W for heat."""
 
 
 @dataclass
 class Report:
-    """What a step cost, and what the fluid lost to the grains."""
+    """What a step cost."""
 
-    force: Floats
-    """Force on all grains, summed over the pieces by the fluid, N, (D); zero without grains, empty
-    if the solver does not sum it: the defects of the exchange are then not known."""
     iterations: int = 0
     """Linear iterations or refinements, summed over the systems of the step."""
     residual: float = 0.0
     """Relative residual of the last flow system."""
     flow_s: float = 0.0
-    heat_s: float = 0.0
-    heat: float = 0.0
-    """Heat to all grains, summed over the pieces by the fluid, W."""
+    scalars_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a solver returns."""
+
+    fields: Fields
+    """At the end of the step."""
+    report: Report = field(default_factory=Report)
+    balances: Mapping[str, Balance] = field(default_factory=dict)
+    """By part of the boundary; empty if the solver does not compute them."""
 
 
 class Solver(ABC):
@@ -280,13 +284,9 @@ class Solver(ABC):
         """Takes mesh, properties and fields: at the start, at a restart, after remeshing."""
 
     @abstractmethod
-    def solve(self, step: Step) -> tuple[AtGrains, Report]:
-        """Solves one step and returns the fluid at the grains."""
+    def solve(self, step: Step) -> Solution:
+        """Solves one step."""
 
     @abstractmethod
     def accept(self) -> None:
         """Makes the last solution the accepted state."""
-
-    @abstractmethod
-    def fields(self) -> Fields:
-        """The accepted state."""

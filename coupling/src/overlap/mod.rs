@@ -10,10 +10,10 @@ mod voidage;
 
 pub use voidage::{LEAST_VOIDAGE, voidage};
 
+use crate::exchange::Pieces;
 use disc::Point;
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
-use voidage_fluid::exchange::Pieces;
 use voidage_fluid::mesh::{Locator, Neighbours};
 use voidage_fluid::{Error, Mesh, Result, Vector};
 
@@ -50,6 +50,8 @@ pub struct CutReport {
 #[derive(Debug, Default)]
 struct Chunk<const D: usize> {
     pieces: Pieces<D>,
+    /// Share of each grain that lies in the mesh.
+    inside: Vec<f64>,
     report: CutReport,
     /// The first grain outside of the mesh.
     outside: Option<usize>,
@@ -96,14 +98,15 @@ impl<const D: usize> Overlap<D> {
     /// Cuts the discs of the given centres and radii (m) into `pieces`, grain by grain in the order of cells. The result
     /// depends on nothing but its arguments: not on earlier calls and not on the number of threads.
     ///
-    /// What lies outside of the mesh is dropped, and the rest scaled to the whole. Of a grain cut in two by a
-    /// thin wall the part with the centre counts. A grain wholly outside is an error.
+    /// `inside` gets the share of each grain that lies in the mesh; the shares of its pieces are shares of that. Of a grain
+    /// cut in two by a thin wall the part with the centre counts. A grain wholly outside is an error.
     pub fn cut(
         &mut self,
         mesh: &Mesh<D>,
         positions: &[Vector<D>],
         radii: &[f64],
         pieces: &mut Pieces<D>,
+        inside: &mut Vec<f64>,
     ) -> Result<CutReport> {
         if positions.len() != radii.len() {
             let text = format!("{} positions and {} radii", positions.len(), radii.len());
@@ -122,12 +125,19 @@ impl<const D: usize> Overlap<D> {
             let mut scratch = scratch[thread].lock().unwrap_or_else(PoisonError::into_inner);
             chunk.cut(mesh, locator, &mut scratch, hints, positions, radii);
         });
-        self.gather(positions, radii, pieces)
+        self.gather(positions, radii, pieces, inside)
     }
 
     /// Strings the chunks together.
-    fn gather(&self, positions: &[Vector<D>], radii: &[f64], pieces: &mut Pieces<D>) -> Result<CutReport> {
+    fn gather(
+        &self,
+        positions: &[Vector<D>],
+        radii: &[f64],
+        pieces: &mut Pieces<D>,
+        inside: &mut Vec<f64>,
+    ) -> Result<CutReport> {
         let mut report = CutReport::default();
+        inside.clear();
         pieces.clear();
         pieces.first.push(0);
         for (i, chunk) in self.chunks.iter().enumerate() {
@@ -146,6 +156,7 @@ impl<const D: usize> Overlap<D> {
             pieces.cell.extend_from_slice(&chunk.pieces.cell);
             pieces.coordinate.extend_from_slice(&chunk.pieces.coordinate);
             pieces.share.extend_from_slice(&chunk.pieces.share);
+            inside.extend_from_slice(&chunk.inside);
             report.cut_off = report.cut_off.max(chunk.report.cut_off);
             report.defect = report.defect.max(chunk.report.defect);
         }
@@ -165,6 +176,7 @@ impl<const D: usize> Chunk<D> {
         radii: &[f64],
     ) {
         self.pieces.clear();
+        self.inside.clear();
         self.report = CutReport::default();
         self.outside = None;
         for (i, ((hint, centre), &radius)) in hints.iter_mut().zip(positions).zip(radii).enumerate() {
@@ -190,6 +202,8 @@ impl<const D: usize> Chunk<D> {
             // Here the ends of the grains, from the first on: `gather` puts the zero before them.
             self.pieces.first.push(self.pieces.cell.len() as u32);
             let missing = 1.0 - total / whole;
+            // Away from the boundary what is missing is the round-off of the cut.
+            self.inside.push(if at_boundary { (total / whole).min(1.0) } else { 1.0 });
             if at_boundary {
                 self.report.cut_off = self.report.cut_off.max(missing);
             } else {

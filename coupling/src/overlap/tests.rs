@@ -177,7 +177,7 @@ fn cut(mesh: &Mesh<2>, grains: &[(f64, f64, f64)]) -> (Pieces<2>, CutReport) {
     let positions: Vec<_> = grains.iter().map(|g| Vector::<2>::new(g.0, g.1)).collect();
     let radii: Vec<_> = grains.iter().map(|g| g.2).collect();
     let mut pieces = Pieces::default();
-    let report = Overlap::new(mesh).unwrap().cut(mesh, &positions, &radii, &mut pieces).unwrap();
+    let report = Overlap::new(mesh).unwrap().cut(mesh, &positions, &radii, &mut pieces, &mut vec![]).unwrap();
     (pieces, report)
 }
 
@@ -290,8 +290,8 @@ fn any_number_of_threads_any_hint() {
         pool.install(|| {
             // Hints from other positions: the grains in opposite order.
             let reversed: Vec<_> = positions.iter().rev().copied().collect();
-            overlap.cut(&mesh, &reversed, &radii, &mut pieces).unwrap();
-            overlap.cut(&mesh, &positions, &radii, &mut pieces).unwrap();
+            overlap.cut(&mesh, &reversed, &radii, &mut pieces, &mut vec![]).unwrap();
+            overlap.cut(&mesh, &positions, &radii, &mut pieces, &mut vec![]).unwrap();
         });
         assert_eq!(pieces, fresh);
     }
@@ -312,7 +312,8 @@ fn walls_holes_and_outside() {
     let fails = |grain: (f64, f64, f64), text: &str| {
         let positions = vec![Vector::<2>::new(0.5, 0.5), Vector::<2>::new(grain.0, grain.1)];
         let mut overlap = Overlap::new(&mesh).unwrap();
-        let error = overlap.cut(&mesh, &positions, &[0.1, grain.2], &mut Pieces::default()).unwrap_err();
+        let error =
+            overlap.cut(&mesh, &positions, &[0.1, grain.2], &mut Pieces::default(), &mut vec![]).unwrap_err();
         assert!(error.to_string().contains(text), "{error}");
     };
     fails((1.2, 0.5, 0.1), "grain 1 at [1.2, 0.5] of radius 0.1 lies outside of the mesh");
@@ -351,7 +352,7 @@ fn a_moving_mesh() {
         *p = 2.0 * *p + Vector::<2>::new(3.0, 4.0);
     }
     overlap.moved(&mesh);
-    let report = overlap.cut(&mesh, &[Vector::<2>::new(4.5, 5.5)], &[0.1], &mut pieces).unwrap();
+    let report = overlap.cut(&mesh, &[Vector::<2>::new(4.5, 5.5)], &[0.1], &mut pieces, &mut vec![]).unwrap();
     assert!(report.defect < 1e-13);
     assert!((centre(&mesh, &pieces, 0) - Vector::<2>::new(4.5, 5.5)).norm() < 1e-13);
 }

@@ -1,6 +1,6 @@
 //! The voidage at the nodes.
 
-use voidage_fluid::exchange::Pieces;
+use crate::exchange::Pieces;
 use voidage_fluid::{Mesh, Vector};
 
 /// Voidage is clipped below at this (no unit): equations stay regular where grains fill everything.

@@ -6,11 +6,13 @@ use iceoryx2::prelude::ZeroCopySend;
 /// First bytes of every frame: `VOIDAGE.` as a little-endian number. A machine of the other byte order sees another.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"VOIDAGE.");
 /// Version of the protocol; both ends must have the same.
-pub const VERSION: u32 = 2;
-/// Flag of a step or of a request for fields: the last solution is accepted, before anything else is done.
+pub const VERSION: u32 = 3;
+/// Flag of a step or a state: the last solution is accepted, before anything else is done.
 pub const ACCEPT: u32 = 1;
 /// Flag of a step: the mesh moves, and the payload has the places and velocities of its nodes.
 pub const MOVES: u32 = 2;
+/// Flag of a step: there are grains, and the payload has point terms and voidage.
+pub const IMMERSED: u32 = 4;
 
 /// What a frame is. The grains ask, the fluid answers each question with one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,12 +24,10 @@ pub enum Kind {
     Mesh = 2,
     /// Accepted fields on the mesh there is; answered likewise.
     State = 3,
-    /// Columns, pieces and voidage of the grains for one solution from the accepted state; the text has the conditions if they changed.
+    /// Point terms and voidage for one solution from the accepted state; the text has the conditions if they changed.
     Step = 4,
-    /// Answer to a step: the fluid at the grains, and a report.
+    /// Answer to a step: nodal fields, what passed the boundary, and a report.
     Solution = 5,
-    /// Asks for the accepted fields, and answers with them.
-    Fields = 6,
     /// The fluid is alive and not done.
     Heartbeat = 7,
     /// The fluid could not do what was asked: text.
@@ -36,13 +36,12 @@ pub enum Kind {
     Bye = 9,
 }
 
-const KINDS: [Kind; 9] = [
+const KINDS: [Kind; 8] = [
     Kind::Hello,
     Kind::Mesh,
     Kind::State,
     Kind::Step,
     Kind::Solution,
-    Kind::Fields,
     Kind::Heartbeat,
     Kind::Error,
     Kind::Bye,
@@ -62,19 +61,19 @@ pub struct Header {
     pub run: u64,
     /// Number of the mesh, from 1; 0 before the first.
     pub generation: u32,
-    /// [`ACCEPT`] and [`MOVES`], or 0.
+    /// [`ACCEPT`], [`MOVES`] and [`IMMERSED`], or 0.
     pub flags: u32,
     /// Number of the step since time zero; the first is 1.
     pub step: u64,
     /// How many solutions of this step went before.
     pub iteration: u32,
-    /// Which columns are there, one bit each.
-    pub mask: u32,
+    /// Which scalars have columns, one bit each.
+    pub scalars: u32,
     /// Time at the start of the step, s.
     pub time: f64,
     /// Length of the step; in an answer the wall time that the fluid took for it, s.
     pub dt: f64,
-    /// Rows of the columns: grains, or nodes of the mesh.
+    /// Rows of the columns: points, or nodes of the mesh.
     pub rows: u64,
     /// Distance from column to column in numbers; at least `rows`.
     pub stride: u64,
@@ -82,8 +81,8 @@ pub struct Header {
     pub cells: u64,
     /// Facets of the boundary of a mesh; else 0.
     pub facets: u64,
-    /// Pieces of the grains of a step; else 0.
-    pub pieces: u64,
+    /// Parts of the boundary whose balances a solution has; else 0.
+    pub parts: u64,
     /// Nodes of which a step brings the voidage (with grains) or the motion (if the mesh moves); else 0.
     pub nodes: u64,
     /// Bytes of the text at the end of the payload.
@@ -106,14 +105,14 @@ impl Default for Header {
             flags: 0,
             step: 0,
             iteration: 0,
-            mask: 0,
+            scalars: 0,
             time: 0.0,
             dt: 0.0,
             rows: 0,
             stride: 0,
             cells: 0,
             facets: 0,
-            pieces: 0,
+            parts: 0,
             nodes: 0,
             text: 0,
             length: 0,
@@ -147,6 +146,11 @@ impl Header {
             Some(kind) => Ok(*kind),
             None => wrong(format!("a frame of the unknown kind {}", self.kind)),
         }
+    }
+
+    /// Whether there are grains in this step.
+    pub fn immerses(&self) -> bool {
+        self.flags & IMMERSED != 0
     }
 
     /// Whether the mesh moves in this step.

@@ -1,63 +1,55 @@
 //! The frames of meshes and nodal fields.
 
-use super::columns::{only_if, wrong};
+use super::columns::{FIELD_SCALAR, FIELDS, Place, Table, wrong};
 use super::text::{numbers_for_text, write_text};
-use super::{Column, FIELDS, HEAT, Header, Kind, Layout, read_text};
+use super::{Header, Kind, read_text};
 use crate::error::PeerError;
 use std::ops::Range;
 use voidage_fluid::flow::State;
 use voidage_fluid::mesh::Boundary;
 use voidage_fluid::{Mesh, Vector};
 
-/// Nodal fields: the answer to a request, or accepted fields for a mesh that is there.
-pub struct FieldsMessage<'a, const D: usize> {
+/// Accepted nodal fields for a mesh that is there.
+pub struct StateMessage<'a, const D: usize> {
     fields: &'a State<D>,
-    layout: Layout,
+    place: Place,
 }
 
-impl<'a, const D: usize> FieldsMessage<'a, D> {
-    /// Fields that start at this place of the payload.
-    fn at(fields: &'a State<D>, offset: usize) -> Self {
-        let heat = only_if(fields.temperature.is_some(), HEAT);
-        Self { fields, layout: Layout::new(D, fields.pressure.len(), &[FIELDS, heat], offset) }
-    }
-
+impl<'a, const D: usize> StateMessage<'a, D> {
     /// Fields alone.
     pub fn new(fields: &'a State<D>) -> Self {
-        Self::at(fields, 0)
+        Self { fields, place: Place::of(fields, 0) }
     }
 
-    /// Its header, [`Kind::Fields`] or [`Kind::State`].
-    pub fn header(&self, kind: Kind) -> Header {
-        self.layout.describe(kind, self.layout.end())
+    /// Its header.
+    pub fn header(&self) -> Header {
+        let header = Header { length: self.place.end() as u64, ..Header::new(Kind::State) };
+        self.place.describe(self.fields.scalars(), header)
     }
 
     /// Writes the payload.
     pub fn write(&self, payload: &mut [f64]) {
-        self.layout.put_vectors(payload, Column::Velocity, &self.fields.velocity);
-        self.layout.put(payload, Column::Pressure, &self.fields.pressure);
-        if let Some(temperature) = &self.fields.temperature {
-            self.layout.put(payload, Column::Temperature, temperature);
-        }
+        self.place.write(self.fields, payload);
     }
 }
 
-fn fields_at<const D: usize>(header: &Header, payload: &[f64], offset: usize) -> Result<State<D>, PeerError> {
-    let layout = Layout::of(header, D, FIELDS, &[HEAT], offset)?;
-    let mut state = State { velocity: Vec::new(), pressure: Vec::new(), temperature: None };
-    layout.get_vectors(payload, Column::Velocity, &mut state.velocity);
-    layout.get(payload, Column::Pressure, &mut state.pressure);
-    if layout.range(Column::Temperature).is_some() {
-        layout.get(payload, Column::Temperature, state.temperature.get_or_insert_default());
-    }
-    Ok(state)
+/// The fields in a frame that has them from `offset` on.
+pub(super) fn fields_at<const D: usize>(
+    header: &Header,
+    payload: &[f64],
+    offset: usize,
+    fields: &mut State<D>,
+) -> Result<Place, PeerError> {
+    let place = Place::read(header, (&FIELDS, &[FIELD_SCALAR]), D, offset)?;
+    place.fill(header.scalars, 0, payload, fields)?;
+    Ok(place)
 }
 
 /// Reads fields for a mesh of `nodes` nodes.
 ///
 /// # Errors
 /// Columns are missing or of another length.
-pub fn read_fields<const D: usize>(
+pub fn read_state<const D: usize>(
     header: &Header,
     payload: &[f64],
     nodes: usize,
@@ -65,7 +57,9 @@ pub fn read_fields<const D: usize>(
     if header.rows as usize != nodes {
         return wrong(format!("fields of {} nodes, the mesh has {nodes}", header.rows));
     }
-    fields_at(header, payload, 0)
+    let mut fields = State::default();
+    fields_at(header, payload, 0, &mut fields)?;
+    Ok(fields)
 }
 
 /// Places in the payload of a mesh: nodes, nodes of cells, nodes of facets, cells behind facets. Numbers of nodes and
@@ -111,16 +105,18 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
         }
     }
 
-    fn fields(&self) -> FieldsMessage<'_, D> {
-        FieldsMessage::at(self.fields, MeshPlaces::of(&self.counts(), D).behind.end)
+    fn place(&self) -> Place {
+        Place::of(self.fields, MeshPlaces::of(&self.counts(), D).behind.end)
     }
 
     /// Its header.
     pub fn header(&self) -> Header {
         let Header { cells, facets, .. } = self.counts();
-        let layout = self.fields().layout;
-        let length = layout.end() + numbers_for_text(&self.parts);
-        Header { cells, facets, text: self.parts.len() as u64, ..layout.describe(Kind::Mesh, length) }
+        let place = self.place();
+        let length = (place.end() + numbers_for_text(&self.parts)) as u64;
+        let header =
+            Header { cells, facets, text: self.parts.len() as u64, length, ..Header::new(Kind::Mesh) };
+        place.describe(self.fields.scalars(), header)
     }
 
     /// Writes the payload.
@@ -132,7 +128,7 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
         put_numbers(&mut payload[places.cells], self.mesh.cells.iter());
         put_numbers(&mut payload[places.facets], parts.iter().flat_map(|part| &part.facets));
         put_numbers(&mut payload[places.behind], parts.iter().flat_map(|part| &part.cells));
-        self.fields().write(payload);
+        self.place().write(self.fields, payload);
         write_text(&self.parts, payload);
     }
 }
@@ -164,7 +160,8 @@ pub fn read_mesh<const D: usize>(header: &Header, payload: &[f64]) -> Result<(Me
         return wrong(format!("a mesh of {} nodes in {limit} numbers", header.rows));
     }
     let places = MeshPlaces::of(header, D);
-    let fields = fields_at(header, payload, places.behind.end)?;
+    let mut fields = State::default();
+    fields_at(header, payload, places.behind.end, &mut fields)?;
     let points = payload[places.points].chunks_exact(D).map(Vector::from_column_slice).collect();
     let cells = numbers(&payload[places.cells], header.rows, "node")?;
     let facets = numbers(&payload[places.facets], header.rows, "node")?;

@@ -1,28 +1,26 @@
-//! The frames of a step: the grains, and the fluid at the grains.
+//! The frames of a step: point terms, and what the fluid answers.
 //!
 //! A message knows its header and length, so that the payload can be borrowed from shared memory, and then writes itself
 //! there.
 
-use super::columns::{only_if, wrong};
+use super::columns::{POINT_SCALAR, POINTS, Place, Table, wrong};
+use super::mesh::fields_at;
 use super::text::{numbers_for_text, write_text};
-use super::{
-    ACCEPT, Column, HEAT, Header, Kind, Layout, MOVES, MotionPlaces, PiecePlaces, SOLUTION, STEP,
-    STEP_CONTINUITY, STEP_HEAT, read_text,
-};
-use crate::backend::{FluidReport, FluidStep, GrainLoad, Immersed};
+use super::{ACCEPT, Header, IMMERSED, Kind, MOVES, MotionPlaces, read_text};
+use crate::backend::{FluidStep, Solution};
 use crate::error::PeerError;
+use std::ops::Range;
 use voidage_fluid::Vector;
+use voidage_fluid::balance::Balance;
 use voidage_fluid::conditions::Condition;
-use voidage_fluid::exchange::AtBodies;
 use voidage_fluid::flow::Report;
 
 // ------------------------------------------------------------------------------------------------ step
 
-/// The grains of a step.
+/// What a step brings.
 pub struct StepMessage<'a, const D: usize> {
     step: &'a FluidStep<'a, D>,
-    layout: Layout,
-    pieces: Option<PiecePlaces>,
+    points: Option<(Place, Range<usize>)>,
     motion: Option<MotionPlaces>,
     /// The end of all of them.
     end: usize,
@@ -32,36 +30,37 @@ pub struct StepMessage<'a, const D: usize> {
 impl<'a, const D: usize> StepMessage<'a, D> {
     /// A step; `conditions` is their text if they must travel, else empty.
     pub fn new(step: &'a FluidStep<'a, D>, conditions: String) -> Self {
-        let (layout, pieces) = match &step.grains {
-            None => (Layout::new(D, 0, &[], 0), None),
-            Some(Immersed { position, load, .. }) => {
-                let heat = only_if(load.heat.is_some(), STEP_HEAT);
-                let continuity = only_if(load.continuity.is_some(), STEP_CONTINUITY);
-                let layout = Layout::new(D, position.len(), &[STEP, heat, continuity], 0);
-                (layout, Some(PiecePlaces::new(&layout, load.pieces.len(), load.voidage.len())))
-            }
-        };
-        let end = pieces.as_ref().map_or(layout.end(), |places| places.voidage.end);
+        let points = step.immersed.map(|immersed| {
+            let place = Place::of(immersed.points, 0);
+            (place, place.end()..place.end() + immersed.voidage.len())
+        });
+        let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
         let motion = step.motion.map(|motion| MotionPlaces::new(D, motion.points.len(), end));
         let end = motion.as_ref().map_or(end, |places| places.velocity.end);
-        Self { step, layout, pieces, motion, end, conditions }
+        Self { step, points, motion, end, conditions }
     }
 
     /// Its header; `accept` accepts the solution before, `iteration` counts the solutions of this step.
     pub fn header(&self, accept: bool, iteration: u32) -> Header {
-        let length = self.end + numbers_for_text(&self.conditions);
-        let count = |range: fn(&PiecePlaces) -> usize| self.pieces.as_ref().map_or(0, range) as u64;
-        let moving = self.step.motion.map_or(0, |motion| motion.points.len() as u64);
-        Header {
-            pieces: count(|places| places.cell.len()),
-            nodes: moving.max(count(|places| places.voidage.len())),
-            flags: if accept { ACCEPT } else { 0 } | if self.motion.is_some() { MOVES } else { 0 },
+        let moving = self.step.motion.map_or(0, |motion| motion.points.len());
+        let voidage = self.points.as_ref().map_or(0, |(_, voidage)| voidage.len());
+        let flag = |there: bool, flag: u32| if there { flag } else { 0 };
+        let flags =
+            flag(accept, ACCEPT) | flag(self.motion.is_some(), MOVES) | flag(self.points.is_some(), IMMERSED);
+        let header = Header {
+            nodes: moving.max(voidage) as u64,
+            flags,
             step: self.step.number,
             iteration,
             time: self.step.time,
             dt: self.step.dt,
             text: self.conditions.len() as u64,
-            ..self.layout.describe(Kind::Step, length)
+            length: (self.end + numbers_for_text(&self.conditions)) as u64,
+            ..Header::new(Kind::Step)
+        };
+        match (&self.points, self.step.immersed) {
+            (Some((place, _)), Some(immersed)) => place.describe(immersed.points.scalars(), header),
+            _ => header,
         }
     }
 
@@ -71,35 +70,17 @@ impl<'a, const D: usize> StepMessage<'a, D> {
         if let Some((places, motion)) = self.motion.as_ref().zip(self.step.motion.as_ref()) {
             places.write(motion, payload);
         }
-        let Some(grains) = &self.step.grains else { return };
-        let (layout, load) = (&self.layout, grains.load);
-        layout.put_vectors(payload, Column::Position, grains.position);
-        layout.put(payload, Column::Radius, grains.radius);
-        layout.put(payload, Column::Volume, &load.volume);
-        layout.put(payload, Column::Drag, &load.drag);
-        layout.put(payload, Column::Mobility, &load.mobility);
-        layout.put_vectors(payload, Column::Velocity, &load.velocity);
-        if let Some(heat) = &load.heat {
-            layout.put(payload, Column::HeatCoefficient, &heat.coefficient);
-            layout.put(payload, Column::HeatMobility, &heat.mobility);
-            layout.put(payload, Column::Temperature, &heat.temperature);
-        }
-        if let Some(law) = &load.continuity {
-            layout.put(payload, Column::ContinuityMobility, &law.mobility);
-            layout.put_vectors(payload, Column::ContinuityVelocity, &law.velocity);
-        }
-        if let Some(places) = &self.pieces {
-            places.write(&load.pieces, &load.voidage, payload);
+        if let (Some((place, voidage)), Some(immersed)) = (&self.points, self.step.immersed) {
+            place.write(immersed.points, payload);
+            payload[voidage.clone()].copy_from_slice(immersed.voidage);
         }
     }
 }
 
 /// What a step brings; its numbers lie in the payload.
 pub struct StepParts<const D: usize> {
-    /// The columns of the grains; none without grains.
-    pub layout: Layout,
-    /// Pieces and voidage; absent without grains.
-    pub pieces: Option<PiecePlaces>,
+    /// Point terms and voidage; absent without grains.
+    pub points: Option<(Place, Range<usize>)>,
     /// The motion of the mesh; absent while it stands still.
     pub motion: Option<MotionPlaces>,
     /// The conditions, if they are new.
@@ -109,12 +90,18 @@ pub struct StepParts<const D: usize> {
 /// Finds the parts of a step.
 ///
 /// # Errors
-/// Columns are missing or do not fit, the conditions cannot be read.
+/// Columns do not fit, the conditions cannot be read.
 pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<StepParts<D>, PeerError> {
-    let required = if header.rows == 0 && header.mask == 0 { &[] } else { STEP };
-    let layout = Layout::of(header, D, required, &[STEP_HEAT, STEP_CONTINUITY], 0)?;
-    let pieces = PiecePlaces::of(header, &layout)?;
-    let end = pieces.as_ref().map_or(layout.end(), |places| places.voidage.end);
+    let mut points = None;
+    if header.immerses() {
+        let place = Place::read(header, (&POINTS, &POINT_SCALAR), D, 0)?;
+        let end = (place.end() as u64).saturating_add(header.nodes);
+        if end > header.length {
+            return wrong(format!("points and voidage up to {end} in {} numbers", header.length));
+        }
+        points = Some((place, place.end()..end as usize));
+    }
+    let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
     let motion = MotionPlaces::of(header, D, end)?;
     let end = motion.as_ref().map_or(end, |places| places.velocity.end);
     let text = read_text(header, payload)?;
@@ -122,147 +109,109 @@ pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<Ste
         return wrong("columns and text of a step overlap".into());
     }
     if text.is_empty() {
-        return Ok(StepParts { layout, pieces, motion, conditions: None });
+        return Ok(StepParts { points, motion, conditions: None });
     }
     match serde_json::from_str(&text) {
-        Ok(conditions) => Ok(StepParts { layout, pieces, motion, conditions: Some(conditions) }),
+        Ok(conditions) => Ok(StepParts { points, motion, conditions: Some(conditions) }),
         Err(error) => wrong(format!("the conditions of a step: {error}")),
-    }
-}
-
-impl<const D: usize> GrainLoad<D> {
-    /// Copies the columns of a step; pieces and voidage stay as they are. Returns positions (m) and radii (m) beside.
-    pub fn copy_columns(
-        &mut self,
-        layout: &Layout,
-        payload: &[f64],
-        position: &mut Vec<Vector<D>>,
-        radius: &mut Vec<f64>,
-    ) {
-        layout.get_vectors(payload, Column::Position, position);
-        layout.get(payload, Column::Radius, radius);
-        layout.get(payload, Column::Volume, &mut self.volume);
-        layout.get(payload, Column::Drag, &mut self.drag);
-        layout.get(payload, Column::Mobility, &mut self.mobility);
-        layout.get_vectors(payload, Column::Velocity, &mut self.velocity);
-        if layout.range(Column::ContinuityMobility).is_some() {
-            let law = self.continuity.get_or_insert_default();
-            layout.get(payload, Column::ContinuityMobility, &mut law.mobility);
-            layout.get_vectors(payload, Column::ContinuityVelocity, &mut law.velocity);
-        } else {
-            self.continuity = None;
-        }
-        if layout.range(Column::HeatCoefficient).is_some() {
-            let heat = self.heat.get_or_insert_default();
-            layout.get(payload, Column::HeatCoefficient, &mut heat.coefficient);
-            layout.get(payload, Column::HeatMobility, &mut heat.mobility);
-            layout.get(payload, Column::Temperature, &mut heat.temperature);
-        } else {
-            self.heat = None;
-        }
     }
 }
 
 // -------------------------------------------------------------------------------------------- solution
 
-/// Numbers of a report without the force.
-const REPORT: usize = 7;
+/// Numbers of a report.
+const REPORT: usize = 6;
 
-impl<const D: usize> FluidReport<D> {
-    /// Numbers that it takes, behind the columns of a solution.
-    pub const NUMBERS: usize = REPORT + D;
-
-    /// Writes it to the last numbers of a payload.
-    pub fn write(&self, payload: &mut [f64]) {
-        let start = payload.len() - Self::NUMBERS;
-        let (report, numbers) = (&self.solver, &mut payload[start..]);
-        numbers[..REPORT].copy_from_slice(&[
-            report.flow_iterations as f64,
-            report.heat_iterations as f64,
-            report.residual,
-            f64::from(report.factored),
-            report.heat_s,
-            report.flow_s,
-            self.heat,
-        ]);
-        // A force that is not known travels as what is no number.
-        let force = self.force.unwrap_or_else(|| Vector::repeat(f64::NAN));
-        numbers[REPORT..].copy_from_slice(force.as_slice());
-    }
+/// Numbers of the balance of a part of the boundary.
+fn numbers_of_balance(dimension: usize, scalars: usize) -> usize {
+    1 + dimension + 2 * scalars
 }
 
-/// The fluid at the grains.
+/// The answer of the fluid: fields, the balances of the parts of the boundary, and the report behind them.
 pub struct SolutionMessage<'a, const D: usize> {
-    at: &'a AtBodies<D>,
-    report: &'a FluidReport<D>,
-    layout: Layout,
+    solution: &'a Solution<D>,
+    place: Place,
 }
 
 impl<'a, const D: usize> SolutionMessage<'a, D> {
-    /// A solution; `at` is empty without grains.
-    pub fn new(at: &'a AtBodies<D>, report: &'a FluidReport<D>) -> Self {
-        let rows = at.velocity.len();
-        let heat = only_if(!at.temperature.is_empty(), HEAT);
-        Self { at, report, layout: Layout::new(D, rows, &[SOLUTION, heat], 0) }
+    /// A solution.
+    pub fn new(solution: &'a Solution<D>) -> Self {
+        Self { solution, place: Place::of(&solution.fields, 0) }
     }
 
     /// Its header.
     pub fn header(&self) -> Header {
-        self.layout.describe(Kind::Solution, self.layout.end() + FluidReport::<D>::NUMBERS)
+        let Solution { fields, balances, .. } = self.solution;
+        let numbers = balances.len() * numbers_of_balance(D, fields.scalars.len());
+        let length = (self.place.end() + numbers + REPORT) as u64;
+        let header = Header { parts: balances.len() as u64, length, ..Header::new(Kind::Solution) };
+        self.place.describe(fields.scalars(), header)
     }
 
     /// Writes the payload.
     pub fn write(&self, payload: &mut [f64]) {
-        let layout = &self.layout;
-        layout.put_vectors(payload, Column::Velocity, &self.at.velocity);
-        layout.put_vectors(payload, Column::PressureGradient, &self.at.pressure_gradient);
-        layout.put(payload, Column::Temperature, &self.at.temperature);
-        self.report.write(payload);
+        self.place.write(&self.solution.fields, payload);
+        let balances = self.solution.balances.iter().flat_map(|balance| {
+            let force = balance.force.iter().copied();
+            let scalars = balance.scalars.iter().chain(&balance.carried).copied();
+            std::iter::once(balance.flux).chain(force).chain(scalars)
+        });
+        let report = &self.solution.report;
+        let report = [
+            report.flow_iterations as f64,
+            report.scalar_iterations as f64,
+            report.residual,
+            f64::from(report.factored),
+            report.scalars_s,
+            report.flow_s,
+        ];
+        let numbers = balances.chain(report);
+        payload[self.place.end()..].iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
     }
 }
 
-/// Reads a solution for `grains` grains into `at`.
+/// Reads a solution for a mesh of `nodes` nodes, with `scalars` scalars and so many parts of the boundary.
 ///
 /// # Errors
-/// Columns are missing, of another length, or hold what is not finite.
+/// Columns are missing or of another length.
 pub fn read_solution<const D: usize>(
     header: &Header,
     payload: &[f64],
-    (grains, heat): (usize, bool),
-    at: &mut AtBodies<D>,
-) -> Result<FluidReport<D>, PeerError> {
-    let layout = Layout::of(header, D, SOLUTION, &[HEAT], 0)?;
-    if layout.rows != grains {
-        return wrong(format!("a solution for {} grains, there are {grains}", layout.rows));
+    (nodes, scalars, parts): (usize, usize, usize),
+    out: &mut Solution<D>,
+) -> Result<(), PeerError> {
+    if header.rows as usize != nodes || header.scalars.count_ones() as usize != scalars {
+        let (rows, columns) = (header.rows, header.scalars.count_ones());
+        return wrong(format!(
+            "a solution of {rows} nodes and {columns} scalars, there are {nodes} and {scalars}"
+        ));
     }
-    if heat && grains > 0 && layout.range(Column::Temperature).is_none() {
-        return wrong("a solution without temperature".into());
+    if header.parts != 0 && header.parts as usize != parts {
+        return wrong(format!("balances of {} parts of the boundary, there are {parts}", header.parts));
     }
-    let Some(numbers) = payload.get(layout.end()..layout.end() + REPORT + D) else {
+    let place = fields_at(header, payload, 0, &mut out.fields)?;
+    let width = numbers_of_balance(D, scalars);
+    let end = place.end() + header.parts as usize * width;
+    let Some([report @ ..]) = payload.get(end..end + REPORT) else {
         return wrong("a solution without report".into());
     };
-    layout.get_vectors(payload, Column::Velocity, &mut at.velocity);
-    layout.get_vectors(payload, Column::PressureGradient, &mut at.pressure_gradient);
-    at.temperature.clear();
-    if heat {
-        layout.get(payload, Column::Temperature, &mut at.temperature);
-    }
-    for column in [Column::Velocity, Column::PressureGradient, Column::Temperature] {
-        let values = layout.range(column).map_or(&[][..], |range| &payload[range]);
-        if let Some(place) = values.iter().position(|value| !value.is_finite()) {
-            let (grain, name) = (place / column.width(D), column.name());
-            return wrong(format!("{name} = {} at grain {grain}: the solver diverges", values[place]));
+    out.balances.clear();
+    out.balances.extend(payload[place.end()..end].chunks_exact(width).map(|numbers| {
+        let (given, carried) = numbers[1 + D..].split_at(scalars);
+        Balance {
+            flux: numbers[0],
+            force: Vector::from_column_slice(&numbers[1..=D]),
+            scalars: given.to_vec(),
+            carried: carried.to_vec(),
         }
-    }
-    let solver = Report {
-        flow_iterations: numbers[0] as usize,
-        heat_iterations: numbers[1] as usize,
-        residual: numbers[2],
-        factored: numbers[3] != 0.0,
-        heat_s: numbers[4],
-        flow_s: numbers[5],
+    }));
+    out.report = Report {
+        flow_iterations: report[0] as usize,
+        scalar_iterations: report[1] as usize,
+        residual: report[2],
+        factored: report[3] != 0.0,
+        scalars_s: report[4],
+        flow_s: report[5],
     };
-    let force = Some(Vector::from_column_slice(&numbers[REPORT..]))
-        .filter(|force: &Vector<D>| force.iter().all(|component| component.is_finite()));
-    Ok(FluidReport { solver, force, heat: numbers[6], transport_s: 0.0 })
+    Ok(())
 }

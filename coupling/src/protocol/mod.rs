@@ -6,29 +6,30 @@
 //! ```text
 //! fluid   hello     its name                     grains  hello     all that does not change, as JSON (`Setup`)
 //! grains  mesh      mesh, names, fields          fluid   mesh      done
-//! grains  step      columns and pieces           fluid   solution  fluid at the grains, report
-//! grains  fields                                 fluid   fields    nodal values
+//! grains  state     other fields                 fluid   state     done
+//! grains  step      point terms                  fluid   solution  nodal fields, balances of the boundary, report
 //! grains  bye
 //! ```
 //!
-//! A step starts from the last accepted state, however often it is asked for; the flag [`ACCEPT`] on a step or a request
-//! for fields accepts the solution before it. Instead of an answer there may be an error with a text, and heartbeats
-//! before it. Only the columns that a scene needs travel, and places and velocities of the nodes only if the mesh moves. All quantities are in SI units.
+//! A step starts from the last accepted state, however often it is asked for; the flag [`ACCEPT`] on a step
+//! accepts the solution before it. Instead of an answer there may be an error with a text, and heartbeats
+//! before it. Only the columns that a scene needs travel, and places and velocities of the nodes only if the mesh moves. All
+//! quantities are in SI units.
 
 mod columns;
 mod header;
 mod mesh;
 mod messages;
 mod motion;
-mod pieces;
 #[cfg(test)]
 mod tests;
 mod text;
 
-pub use columns::{COLUMNS, Column, FIELDS, HEAT, Layout, SOLUTION, STEP, STEP_CONTINUITY, STEP_HEAT};
-pub use header::{ACCEPT, HEADER_BYTES, Header, Kind, MAGIC, MOVES, VERSION};
-pub use mesh::{FieldsMessage, MeshMessage, read_fields, read_mesh};
+pub use columns::{
+    Column, Described, FIELD_SCALAR, FIELDS, POINT_SCALAR, POINTS, Place, Table, Values, ValuesMut,
+};
+pub use header::{ACCEPT, HEADER_BYTES, Header, IMMERSED, Kind, MAGIC, MOVES, VERSION};
+pub use mesh::{MeshMessage, StateMessage, read_mesh, read_state};
 pub use messages::{SolutionMessage, StepMessage, StepParts, read_solution, read_step};
 pub use motion::MotionPlaces;
-pub use pieces::PiecePlaces;
 pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

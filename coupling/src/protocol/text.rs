@@ -1,11 +1,10 @@
 //! Texts in a payload, and what the hellos say.
 
-use super::{COLUMNS, Header, VERSION};
+use super::columns::{Described, POINT_SCALAR, POINTS};
+use super::{Header, VERSION};
+use crate::backend::Model;
 use crate::error::PeerError;
 use serde::{Deserialize, Serialize};
-use voidage_fluid::conditions::Condition;
-use voidage_fluid::flow::{HeatProperties, Numerics};
-use voidage_fluid::forms::Properties;
 
 /// Numbers of the payload that a text takes.
 pub fn numbers_for_text(text: &str) -> usize {
@@ -61,44 +60,30 @@ pub struct Setup<const D: usize> {
     pub units: String,
     /// 2 or 3.
     pub dimension: usize,
-    /// Names of the columns by their bit in the mask of a header.
-    pub columns: Vec<String>,
-    /// The law of the velocity and the temperature that a grain will have, in terms of the columns of a step.
+    /// Columns of the points of a step, in the order in which they lie; the last three again for every scalar.
+    pub columns: Vec<Described>,
+    /// The law of the velocity that a point will have, and of the scalars, in terms of the columns.
     pub closure: [String; 2],
-    /// Density, viscosity, gravity and so on.
-    pub properties: Properties<D>,
-    /// Heat in the fluid; absent without.
-    pub heat: Option<HeatProperties>,
-    /// Newton steps, tolerances.
-    pub numerics: Numerics,
-    /// Conditions on the boundary at full strength; a step brings others when they differ from the last.
-    pub conditions: Vec<Condition<D>>,
+    /// Properties, scalars, numerics and conditions.
+    #[serde(flatten)]
+    pub model: Model<D>,
 }
 
 impl<const D: usize> Setup<D> {
     /// The setup of a fluid.
-    pub fn new(
-        properties: Properties<D>,
-        heat: Option<HeatProperties>,
-        numerics: Numerics,
-        conditions: Vec<Condition<D>>,
-    ) -> Self {
+    pub fn new(model: Model<D>) -> Self {
         Self {
             protocol: VERSION,
             units: "SI".into(),
             dimension: D,
-            columns: COLUMNS.iter().map(|column| column.name().to_owned()).collect(),
+            columns: POINTS.iter().chain(&POINT_SCALAR).map(|column| column.described(D)).collect(),
             closure: [
                 "velocity + mobility * (drag * u - volume * grad(p)), \
-                 the solid flux by continuity_velocity and continuity_mobility where they are there, \
-                 less what that gives a piece beyond its grain in the last accepted fields"
+                 in the equation of mass flux_velocity + flux_mobility * (drag * u - volume * grad(p))"
                     .into(),
-                "temperature + heat_mobility * heat_coefficient * T".into(),
+                "value + mobility * coefficient * s".into(),
             ],
-            properties,
-            heat,
-            numerics,
-            conditions,
+            model,
         }
     }
 

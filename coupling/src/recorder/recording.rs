@@ -2,11 +2,12 @@
 
 use super::{
     Averages, Checkpoint, Collection, Column, FluidView, GrainView, Series, Stamp, View, create_folder,
-    write_grains, write_mesh, write_whole,
+    with_unit, write_grains, write_mesh, write_whole,
 };
 use crate::error::Result;
 use crate::scene::{Output, Scene};
 use serde::Serialize;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Name of the checkpoint in the folder of a run.
@@ -38,7 +39,7 @@ impl Due {
 }
 
 /// A quantity of the time series: name with unit, and value.
-pub type Reading = (&'static str, f64);
+pub type Reading = (Cow<'static, str>, f64);
 
 /// The files of a run.
 #[derive(Debug)]
@@ -202,7 +203,7 @@ impl Recording {
 
 fn columns<const D: usize>(scene: &Scene, view: &View<D>, readings: &[Reading]) -> Vec<String> {
     let row = self::readings(&scene.output, 0.0, view, readings);
-    row.into_iter().map(|(name, _)| name.to_owned()).collect()
+    row.into_iter().map(|(name, _)| name.into_owned()).collect()
 }
 
 /// The row of the series: time, what follows from the view, and what the simulation adds.
@@ -212,7 +213,7 @@ pub fn readings<const D: usize>(
     view: &View<D>,
     more: &[Reading],
 ) -> Vec<Reading> {
-    let mut row = vec![("time_s", time)];
+    let mut row = vec![("time_s".into(), time)];
     if let Some(grains) = &view.grains {
         row.extend(grains.readings());
     }
@@ -220,7 +221,7 @@ pub fn readings<const D: usize>(
         row.extend(fluid.readings());
         if let Some(drop) = &output.pressure_drop {
             let [from, to] = [&drop.from, &drop.to].map(|name| fluid.mean_pressure(name).unwrap_or(f64::NAN));
-            row.push(("pressure_drop_Pa", from - to));
+            row.push(("pressure_drop_Pa".into(), from - to));
         }
     }
     row.extend_from_slice(more);
@@ -266,11 +267,13 @@ impl<const D: usize> FluidView<'_, D> {
     /// Writes a VTU file.
     pub fn write(&self, path: &Path) -> Result<()> {
         let mut columns = vec![
-            Column::vectors("velocity_m_per_s", self.velocity),
-            Column::scalars("pressure_Pa", self.pressure),
+            Column::vectors("velocity_m_per_s", &self.fields.velocity),
+            Column::scalars("pressure_Pa", &self.fields.pressure),
         ];
         columns.extend(self.voidage.map(|voidage| Column::scalars("voidage", voidage)));
-        columns.extend(self.temperature.map(|temperature| Column::scalars("temperature_K", temperature)));
+        let names: Vec<String> = self.scalars.iter().map(|name| with_unit(name)).collect();
+        let scalars = names.iter().zip(&self.fields.scalars);
+        columns.extend(scalars.map(|(name, values)| Column::scalars(name, values)));
         write_mesh(path, &self.mesh.points, &self.mesh.cells, &columns)
     }
 }

@@ -1,7 +1,10 @@
 //! What the recorder sees of a simulation: slices, and what follows from them.
 
+use super::Reading;
+use crate::TEMPERATURE;
 use nalgebra::SVector;
 use voidage_fluid::Mesh;
+use voidage_fluid::flow::State;
 
 /// A simulation as the recorder sees it.
 #[derive(Clone, Copy, Debug)]
@@ -36,14 +39,30 @@ pub struct GrainView<'a, const D: usize> {
 pub struct FluidView<'a, const D: usize> {
     /// The mesh.
     pub mesh: &'a Mesh<D>,
-    /// Velocity, m/s.
-    pub velocity: &'a [SVector<f64, D>],
-    /// Pressure, Pa.
-    pub pressure: &'a [f64],
+    /// Velocity (m/s), pressure (Pa), scalars.
+    pub fields: &'a State<D>,
     /// Voidage, if there are grains.
     pub voidage: Option<&'a [f64]>,
-    /// Temperature, K, if the fluid has one.
-    pub temperature: Option<&'a [f64]>,
+    /// Names of the scalars.
+    pub scalars: &'a [String],
+}
+
+impl<'a, const D: usize> FluidView<'a, D> {
+    /// The scalar of a name.
+    pub fn scalar(&self, name: &str) -> Option<&'a [f64]> {
+        let number = self.scalars.iter().position(|scalar| scalar == name)?;
+        self.fields.scalars.get(number).map(Vec::as_slice)
+    }
+}
+
+/// A name with its unit, where that is known: `temperature_K`; for tables.
+pub fn with_unit(scalar: &str) -> String {
+    if scalar == TEMPERATURE { format!("{scalar}_K") } else { scalar.to_owned() }
+}
+
+/// A name of the user's as a part of the name of a column.
+pub fn column_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
 impl<const D: usize> GrainView<'_, D> {
@@ -54,23 +73,25 @@ impl<const D: usize> GrainView<'_, D> {
     }
 
     /// Named quantities for the time series.
-    pub(super) fn readings(&self) -> Vec<(&'static str, f64)> {
+    pub(super) fn readings(&self) -> Vec<Reading> {
         let speed = self.velocity.iter().map(|velocity| velocity.norm()).fold(0.0, f64::max);
         let energy = |(mass, velocity): (&f64, &SVector<f64, D>)| 0.5 * mass * velocity.norm_squared();
         let free = self.mass.iter().zip(self.velocity).filter(|(mass, _)| mass.is_finite());
         let unit = if D == 2 { "grain_kinetic_energy_J_per_m" } else { "grain_kinetic_energy_J" };
         let mut readings = vec![
-            ("mean_grain_height_m", self.mean(|i| self.position[i][D - 1])),
-            ("max_grain_speed_m_per_s", speed),
+            ("mean_grain_height_m".into(), self.mean(|i| self.position[i][D - 1])),
+            ("max_grain_speed_m_per_s".into(), speed),
             // Held grains have an infinite mass and no energy. (An empty `sum` would be -0.)
-            (unit, free.map(energy).fold(0.0, |sum, energy| sum + energy)),
+            (unit.into(), free.map(energy).fold(0.0, |sum, energy| sum + energy)),
         ];
         if let Some(temperature) = self.temperature {
-            readings.push(("mean_grain_temperature_K", self.mean(|i| temperature[i])));
-            readings
-                .push(("min_grain_temperature_K", temperature.iter().copied().fold(f64::INFINITY, f64::min)));
+            readings.push(("mean_grain_temperature_K".into(), self.mean(|i| temperature[i])));
             readings.push((
-                "max_grain_temperature_K",
+                "min_grain_temperature_K".into(),
+                temperature.iter().copied().fold(f64::INFINITY, f64::min),
+            ));
+            readings.push((
+                "max_grain_temperature_K".into(),
                 temperature.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             ));
         }
@@ -85,7 +106,8 @@ impl<const D: usize> FluidView<'_, D> {
         let (mut sum, mut area) = (0.0, 0.0);
         for facet in boundary.facets.chunks_exact(D) {
             let size = self.facet_size(facet);
-            sum += size * facet.iter().map(|node| self.pressure[*node as usize]).sum::<f64>() / D as f64;
+            sum +=
+                size * facet.iter().map(|node| self.fields.pressure[*node as usize]).sum::<f64>() / D as f64;
             area += size;
         }
         Some(sum / area)
@@ -104,16 +126,14 @@ impl<const D: usize> FluidView<'_, D> {
     }
 
     /// Named quantities for the time series.
-    pub(super) fn readings(&self) -> Vec<(&'static str, f64)> {
-        let speed = self.velocity.iter().map(|velocity| velocity.norm()).fold(0.0, f64::max);
-        let mut readings = vec![("max_fluid_speed_m_per_s", speed)];
-        if let Some(temperature) = self.temperature {
-            readings
-                .push(("min_fluid_temperature_K", temperature.iter().copied().fold(f64::INFINITY, f64::min)));
-            readings.push((
-                "max_fluid_temperature_K",
-                temperature.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            ));
+    pub(super) fn readings(&self) -> Vec<Reading> {
+        let speed = self.fields.velocity.iter().map(|velocity| velocity.norm()).fold(0.0, f64::max);
+        let mut readings = vec![("max_fluid_speed_m_per_s".into(), speed)];
+        for (name, values) in self.scalars.iter().zip(&self.fields.scalars) {
+            let name = with_unit(name);
+            let extreme = |start: f64, f: fn(f64, f64) -> f64| values.iter().copied().fold(start, f);
+            readings.push((format!("min_fluid_{name}").into(), extreme(f64::INFINITY, f64::min)));
+            readings.push((format!("max_fluid_{name}").into(), extreme(f64::NEG_INFINITY, f64::max)));
         }
         readings
     }

@@ -7,6 +7,7 @@ use crate::scheme::SchemeName;
 use crate::scheme::iterated::Iteration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use voidage_fluid::mesh::Rectangle;
 
@@ -32,6 +33,9 @@ pub struct Fluid {
     /// Temperature of the fluid. Default: none, the fluid has no temperature.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heat: Option<FluidHeat>,
+    /// Further scalars that the fluid carries: tracers, a concentration. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scalars: Vec<FluidScalar>,
     /// Drag and heat of the front and rear walls of a thin cell (plane only). Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thin_cell: Option<ThinCell>,
@@ -90,15 +94,47 @@ pub struct FluidHeat {
     pub reference_temperature: Option<f64>,
     /// Temperature at the start, K.
     pub initial_temperature: f64,
-    /// Whether storage and exchange of heat are summed into the diagonal, so that temperatures stay between those of
-    /// grains, walls and inflow where the exchange is strong. Default false: the consistent form of Henry et al.
+    /// How the equation is discretised: `"consistent"` (as Henry et al.), `"lumped"` or `"monotone"`. Default `"consistent"`.
     #[serde(default)]
-    pub lumped: bool,
-    /// Whether temperatures never leave the range of those around them, also at fronts that the flow carries: lumped, with the
+    pub form: Form,
+}
+
+/// How the equation of a scalar is discretised.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// The consistent form of Henry et al., with streamline diffusion.
+    #[default]
+    Consistent,
+    /// Storage and exchange are summed into the diagonal, so that temperatures stay between those of
+    /// grains, walls and inflow where the exchange is strong.
+    Lumped,
+    /// Values never leave the range of those around them, also at fronts that the flow carries: lumped, with the
     /// diffusion between neighbours that this takes in place of the streamline diffusion, which lets fronts overshoot. Smears
-    /// fronts more. Default false.
+    /// fronts more.
+    Monotone,
+}
+
+/// A scalar s that the fluid carries and spreads, eps Ds/Dt = div(eps diffusivity grad s).
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FluidScalar {
+    /// Its name, in conditions and output. Letters, digits and `_`.
+    pub name: String,
+    /// Diffusivity, m2/s. Above 0.
+    pub diffusivity: f64,
+    /// Value at the start. Default 0.
     #[serde(default)]
-    pub monotone: bool,
+    pub initial: f64,
+    /// Expansion coefficient of the Boussinesq buoyancy, per unit of the scalar. Default 0: no buoyancy.
+    #[serde(default)]
+    pub expansion: f64,
+    /// Value at which the buoyancy is zero. Default: the initial value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<f64>,
+    /// How the equation is discretised: `"consistent"`, `"lumped"` or `"monotone"`. Default `"consistent"`.
+    #[serde(default)]
+    pub form: Form,
 }
 
 /// Front and rear walls of a thin cell, averaged over its thickness.
@@ -135,6 +171,10 @@ pub struct Boundary {
     /// `"adiabatic"` or `{open = {temperature = T}}`. Default: adiabatic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatBoundary>,
+    /// Conditions of other scalars by name: `{tracer = {value = 1.0}}`, `{transfer = {coefficient = h, outside = s}}`,
+    /// `"insulated"` or `{outflow = {outside = s}}`. Default: insulated.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub scalars: BTreeMap<String, ScalarBoundary>,
 }
 
 /// Condition of the flow.
@@ -178,6 +218,29 @@ pub enum HeatBoundary {
         /// Temperature of fluid that enters, K. Default: fluid enters with the temperature it has at the boundary.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         temperature: Option<f64>,
+    },
+}
+
+/// Condition of a scalar.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ScalarBoundary {
+    /// Prescribed value.
+    Value(f64),
+    /// Transfer from outside.
+    Transfer {
+        /// Transfer coefficient, m/s. At least 0.
+        coefficient: f64,
+        /// Value outside.
+        outside: f64,
+    },
+    /// Nothing passes.
+    Insulated,
+    /// The scalar leaves with the fluid.
+    Outflow {
+        /// Value of fluid that enters. Default: fluid enters with the value it has at the boundary.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        outside: Option<f64>,
     },
 }
 

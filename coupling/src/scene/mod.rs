@@ -19,8 +19,8 @@ mod tests;
 
 pub use backend::{Backend, Solver, Transport};
 pub use fluid::{
-    Boundary, Coupling, Flow, Fluid, FluidHeat, FluidSolver, HeatBoundary, LinearMethod, MeshMotion,
-    MeshSource, ThinCell, ThinCellHeat,
+    Boundary, Coupling, Flow, Fluid, FluidHeat, FluidScalar, FluidSolver, Form, HeatBoundary, LinearMethod,
+    MeshMotion, MeshSource, ScalarBoundary, ThinCell, ThinCellHeat,
 };
 pub use grains::{
     Amount, Arrangement, Cohesion, Conduction, Contacts, Deposit, Grains, GrainsFile, Lattice, Material,

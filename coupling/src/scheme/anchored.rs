@@ -74,7 +74,7 @@
 //! push than the others would give way by M times the difference, though a grain is rigid, and the result would be the same whatever M
 //! only as far as the push is the same within a grain: beds in water carried up to 2.6 % less than their drag law where most steps iterate, and
 //! came to rest looser by 3 % or not, by the step. So what the law of the flux gave a piece beyond its grain in the last step is taken from
-//! it by the fluid solver ([`voidage_fluid::exchange::VelocityLaw`]). The law of momentum has M = 0 where contacts act; without contacts and with
+//! it ([`crate::exchange`]). The law of momentum has M = 0 where contacts act; without contacts and with
 //! one law for both nothing is taken, as in `henry`.
 //!
 //! **Heat.** The same with temperatures: f becomes hA T, the response is that of the grains conducting through their

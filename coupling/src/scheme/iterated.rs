@@ -91,7 +91,7 @@ impl<const D: usize> Scheme<D> for Iterated<D> {
         if coupled.interaction.is_none() {
             coupled.solve_fluid(dt, &mut report)?;
             coupled.move_grains(dt, &mut report);
-            coupled.accept_part(dt);
+            coupled.accept_part(dt, &mut report);
         } else {
             self.advance(coupled, dt, &mut report)?;
         }
@@ -137,7 +137,7 @@ impl<const D: usize> Iterated<D> {
             sum = Some(agreement.after(sum.as_ref(), std::mem::take(&mut spent)));
             // Parts that were not accepted do not count.
             grains = report.grains.map(|now| now.after(grains.as_ref()));
-            coupled.accept_part(part);
+            coupled.accept_part(part, report);
             done += length;
             // As long again as the parts that are left allow, unless that is known to be too far.
             let mut travel = 2.0 * agreement.travel;

@@ -109,6 +109,6 @@ fn once<const D: usize>(
             ((load.expected(at, i) - velocity[i]) * load.drag[i], load.expected_in_flux(at, i) - velocity[i])
         }));
     }
-    coupled.accept(dt);
+    coupled.accept(dt, &mut report);
     Ok(report)
 }

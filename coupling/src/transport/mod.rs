@@ -117,7 +117,14 @@ pub fn receive(
             Event::Nothing if heard.elapsed() >= silence => {
                 return Err(PeerError::Silent { seconds: silence.as_secs_f64() });
             }
-            Event::Nothing => look()?,
+            Event::Nothing => {
+                let Err(error) = look() else { continue };
+                // It may have spoken between the last look at the channel and its end.
+                return match channel.poll(Duration::ZERO) {
+                    Ok(Event::Frame(frame)) => Ok(*frame),
+                    _ => Err(error),
+                };
+            }
         }
     }
 }

@@ -104,6 +104,20 @@ impl<const D: usize> Mesh<D> {
         out
     }
 
+    /// Gradient in a cell of the P1 field with these values at the nodes, in units of the value per m.
+    pub fn gradient(&self, cell: usize, value: impl Fn(usize) -> f64) -> Vector<D> {
+        let nodes = self.cell(cell);
+        let (origin, first) = (self.points[nodes[0] as usize], value(nodes[0] as usize));
+        let mut edges = nalgebra::SMatrix::<f64, D, D>::zeros();
+        let mut rise = Vector::<D>::zeros();
+        for k in 0..D {
+            let node = nodes[k + 1] as usize;
+            edges.set_column(k, &(self.points[node] - origin));
+            rise[k] = value(node) - first;
+        }
+        crate::element::inverse(&edges).0.tr_mul(&rise)
+    }
+
     /// Area (2D, m2) or volume (3D, m3) of the mesh.
     pub fn volume(&self) -> f64 {
         (0..self.cell_count()).map(|cell| self.measure(cell)).sum()

@@ -68,8 +68,8 @@ impl Bed {
         for _ in 0..count {
             self.system.step(1e-3)?;
         }
-        let fields = self.system.fluid.as_mut().ok_or_else(lost)?.backend.fields()?;
         let fluid = self.system.fluid.as_ref().ok_or_else(lost)?;
+        let fields = &fluid.accepted;
         let low = (0..fields.pressure.len()).filter(|a| fluid.mesh.points[*a].y < 1e-9);
         let pressures: Vec<f64> = low.map(|a| fields.pressure[a]).collect();
         let (_, upper) = fluid.mesh.bounds();

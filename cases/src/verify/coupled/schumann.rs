@@ -5,10 +5,9 @@ use crate::plot::panels::{Curve, Panel};
 use crate::verify::{Case, Effort, Finding, Outcome};
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Coupled, Result};
+use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
 use voidage_dem::Material;
-use voidage_fluid::conditions::{FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::flow::HeatProperties;
+use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::transport::Scalar;
 
 /// The case.
@@ -64,16 +63,10 @@ fn bed(cells: usize) -> Result<(Coupled<2>, f64, f64)> {
         .flow("right", FlowCondition::Open { pressure: 0.0 })
         .flow("bottom", FlowCondition::Slip)
         .flow("top", FlowCondition::Slip);
-    set.conditions[0].heat = HeatCondition::Temperature(Prescribed::Uniform(HOT));
-    set.conditions[1].heat = HeatCondition::Open { temperature: None };
-    let scalar = Scalar {
-        capacity: DENSITY * CAPACITY,
-        conductivity: 1e-6,
-        thin_cell: None,
-        lumped: false,
-        monotone: false,
-    };
-    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: COLD });
+    set.conditions[0].scalars = vec![ScalarCondition::Value(Prescribed::Uniform(HOT))];
+    set.conditions[1].scalars = vec![ScalarCondition::Outflow { outside: None }];
+    let scalar = Scalar::new(TEMPERATURE, DENSITY * CAPACITY, 1e-6);
+    set.scalars = vec![Scalar { expansion: 0.0, reference: COLD, ..scalar }];
     let thermal = ThermalFluid { conductivity: 0.026, prandtl: 0.7 };
     let mut laws = set.laws(Some(thermal));
     laws.heat = HeatTransfer::Wakao;
@@ -110,13 +103,12 @@ fn bed(cells: usize) -> Result<(Coupled<2>, f64, f64)> {
 fn along(system: &mut Coupled<2>, length: f64) -> Result<[Vec<(f64, f64)>; 2]> {
     let none = || voidage_coupling::Error::Run("the bed has lost its heat".into());
     let scaled = |x: f64, kelvin: f64| (LENGTH * x / length, (kelvin - COLD) / (HOT - COLD));
-    let fluid = system.fluid.as_mut().ok_or_else(none)?;
-    let warm = fluid.backend.fields()?.temperature.ok_or_else(none)?;
+    let fluid = system.fluid.as_ref().ok_or_else(none)?;
     let mut stream: Vec<(f64, f64)> = fluid
         .mesh
         .points
         .iter()
-        .zip(&warm)
+        .zip(fluid.accepted.scalar(HEAT))
         .filter(|(x, _)| x.y < 1e-9 * length)
         .map(|(x, kelvin)| scaled(x.x, *kelvin))
         .collect();

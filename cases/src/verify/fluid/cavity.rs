@@ -95,7 +95,7 @@ fn solve(squares: usize) -> Result<Vec<[Line; 2]>> {
         let mut fluid = set.build(mesh.clone(), fields)?;
         steps_alone(&mut fluid, 1.0, 10)?;
         steps_alone(&mut fluid, 1e6, 12)?;
-        let fields = fluid.backend.fields()?;
+        let fields = &fluid.accepted;
         let line = |across: usize| {
             let nodes = (0..mesh.points.len()).filter(|a| (mesh.points[*a][across] - 0.5).abs() < 1e-9);
             let mut line: Line =
@@ -104,7 +104,7 @@ fn solve(squares: usize) -> Result<Vec<[Line; 2]>> {
             line
         };
         lines.push([line(0), line(1)]);
-        start = Some(fields);
+        start = Some(fields.clone());
     }
     Ok(lines)
 }

@@ -3,10 +3,9 @@
 use crate::models::{FluidSet, Vec2, crowd_at_walls, grid, steps_alone};
 use crate::plot::panels::{Curve, Panel};
 use crate::verify::{Case, Effort, Finding, Outcome};
-use voidage_coupling::{Fluid, Result};
-use voidage_fluid::conditions::{HeatCondition, Prescribed};
+use voidage_coupling::{Fluid, HEAT, Result, TEMPERATURE};
+use voidage_fluid::conditions::{Prescribed, ScalarCondition};
 use voidage_fluid::element::{Element, weighted_mass};
-use voidage_fluid::flow::HeatProperties;
 use voidage_fluid::transport::Scalar;
 
 /// The case.
@@ -35,18 +34,18 @@ fn solve(rayleigh: f64, squares: usize) -> Result<(f64, [f64; 2])> {
     crowd_at_walls(&mut mesh, 0.8);
     let mut set = FluidSet::new(1.0, PRANDTL);
     set.properties.gravity = Vec2::new(0.0, -rayleigh * PRANDTL);
-    let scalar = Scalar { capacity: 1.0, conductivity: 1.0, thin_cell: None, lumped: false, monotone: false };
-    set.heat = Some(HeatProperties { scalar, expansion: 1.0, reference: 0.0 });
+    let scalar = Scalar::new(TEMPERATURE, 1.0, 1.0);
+    set.scalars = vec![Scalar { expansion: 1.0, reference: 0.0, ..scalar }];
     for condition in &mut set.conditions {
         match condition.boundary.as_str() {
-            "left" => condition.heat = HeatCondition::Temperature(Prescribed::Uniform(0.5)),
-            "right" => condition.heat = HeatCondition::Temperature(Prescribed::Uniform(-0.5)),
+            "left" => condition.scalars = vec![ScalarCondition::Value(Prescribed::Uniform(0.5))],
+            "right" => condition.scalars = vec![ScalarCondition::Value(Prescribed::Uniform(-0.5))],
             _ => {}
         }
     }
     set.numerics.flow.tolerance = 1e-9;
     let mut start = set.rest(&mesh, 0.0);
-    start.temperature = Some(mesh.points.iter().map(|x| 0.5 - x.x).collect());
+    start.scalars = vec![mesh.points.iter().map(|x| 0.5 - x.x).collect()];
     let mut fluid = set.build(mesh, start)?;
     // Temperature and flow are solved one after the other: internal waves of frequency (Ra Pr)^1/2 are stable below 2.
     let dt = 0.7 / (rayleigh * PRANDTL).sqrt();
@@ -65,8 +64,8 @@ fn solve(rayleigh: f64, squares: usize) -> Result<(f64, [f64; 2])> {
 /// Mean over the square of u T - dT/dx, which the paper calls the mean Nusselt number; dT/dx integrates to the
 /// difference of the walls.
 fn nusselt(fluid: &mut Fluid<2>) -> Result<f64> {
-    let fields = fluid.backend.fields()?;
-    let warm = fields.temperature.unwrap_or_default();
+    let fields = &fluid.accepted;
+    let warm = fields.scalar(HEAT);
     let carried = |cell: &[u32]| {
         let node = [0, 1, 2].map(|a| cell[a] as usize);
         let element = Element::<2, 3>::new(node.map(|n| fluid.mesh.points[n]));
@@ -78,7 +77,7 @@ fn nusselt(fluid: &mut Fluid<2>) -> Result<f64> {
 }
 
 fn largest(fluid: &mut Fluid<2>) -> Result<[f64; 2]> {
-    let fields = fluid.backend.fields()?;
+    let fields = &fluid.accepted;
     let on = |axis: usize| {
         let nodes = fluid.mesh.points.iter().zip(&fields.velocity);
         let mut line: Vec<(f64, f64)> = nodes

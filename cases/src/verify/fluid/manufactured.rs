@@ -1,14 +1,14 @@
 //! Manufactured solutions: exact fields and the sources that make them solve the equations.
 
-use super::immersed::Immersed;
+use super::immersed;
 use crate::models::{self, FluidSet, Vec2};
 use crate::study::clock;
 use crate::verify::jet::Jet;
 use crate::verify::norms::{Errors, errors, errors_in};
-use voidage_coupling::Result;
-use voidage_fluid::conditions::{FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::flow::{HeatProperties, Sources, State};
-use voidage_fluid::transport::Scalar;
+use voidage_coupling::{HEAT, Result, TEMPERATURE};
+use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
+use voidage_fluid::flow::{Sources, State};
+use voidage_fluid::transport::{Form, Scalar};
 use voidage_fluid::{Flow, Mesh};
 
 /// Density, viscosity, heat capacity and conductivity of the fluid (SI).
@@ -24,7 +24,7 @@ pub struct Fluid {
     pub conductivity: f64,
 }
 
-/// That of `reference/manufactured.py`.
+/// That of `tests/manufactured.py`.
 pub const UNIT: Fluid = Fluid { density: 1.0, viscosity: 1.0, capacity: 1.0, conductivity: 1.0 };
 
 /// Exact values with their derivatives at one point and time.
@@ -220,15 +220,10 @@ impl Run {
         let mut set = FluidSet::new(self.fluid.density, self.fluid.viscosity);
         set.numerics.newton = 2;
         // In long steps what is left of the equations is amplified by up to the number of nodes.
-        set.numerics.heat.tolerance = 1e-14;
-        let scalar = Scalar {
-            capacity: self.fluid.density * self.fluid.capacity,
-            conductivity: self.fluid.conductivity,
-            thin_cell: None,
-            lumped: self.lumped,
-            monotone: false,
-        };
-        set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: 0.0 });
+        set.numerics.scalars.tolerance = 1e-14;
+        let capacity = self.fluid.density * self.fluid.capacity;
+        let form = if self.lumped { Form::Lumped } else { Form::Consistent };
+        set.scalars = vec![Scalar { form, ..Scalar::new(TEMPERATURE, capacity, self.fluid.conductivity) }];
         self.prescribe(&mut set, &mesh, 0.0);
         let start = self.nodal(&mesh, 0.0);
         let (points, volume) = (mesh.points.clone(), mesh.nodal_volume());
@@ -243,18 +238,18 @@ impl Run {
             flow.set_sources(Some(Sources {
                 momentum: exact.iter().map(|exact| exact.momentum(&self.fluid, bodies)).collect(),
                 mass: balanced(exact.iter().map(|exact| exact.mass(bodies)).collect(), &volume),
-                heat: exact.iter().map(|exact| exact.heat(&self.fluid, bodies)).collect(),
+                scalars: vec![exact.iter().map(|exact| exact.heat(&self.fluid, bodies)).collect()],
             }));
             let voidage: Vec<f64> = exact.iter().map(|exact| exact.voidage.value).collect();
-            let immersed = self.bodies.map(|bodies| Immersed::new(flow.mesh(), &self.fields, &bodies, time));
-            let load = immersed.as_ref().map(Immersed::exchange);
+            let immersed =
+                self.bodies.map(|bodies| immersed::points(flow.mesh(), &self.fields, &bodies, time));
             let report = clock::timed(&mut whole, || {
-                let report = flow.solve(self.dt, &voidage, load.as_ref(), &set.conditions)?;
+                let report = flow.solve(self.dt, &voidage, immersed.as_ref(), &set.conditions)?;
                 flow.accept();
                 Ok::<_, voidage_coupling::Error>(report)
             })?;
             spent.flow += report.flow_s;
-            spent.heat += report.heat_s;
+            spent.heat += report.scalars_s;
         }
         (spent.all, spent.cpu) = (whole.wall, whole.cpu);
         Ok((flow, spent))
@@ -265,8 +260,8 @@ impl Run {
         let exact = self.nodal(mesh, time);
         for condition in &mut set.conditions {
             condition.flow = FlowCondition::Velocity(Prescribed::Nodal(exact.velocity.clone()));
-            let temperature = exact.temperature.clone().unwrap_or_default();
-            condition.heat = HeatCondition::Temperature(Prescribed::Nodal(temperature));
+            let temperature = exact.scalar(HEAT).to_vec();
+            condition.scalars = vec![ScalarCondition::Value(Prescribed::Nodal(temperature))];
         }
     }
 
@@ -278,7 +273,7 @@ impl Run {
                 .map(|exact| Vec2::new(exact.velocity[0].value, exact.velocity[1].value))
                 .collect(),
             pressure: exact.iter().map(|exact| exact.pressure.value).collect(),
-            temperature: Some(exact.iter().map(|exact| exact.temperature.value).collect()),
+            scalars: vec![exact.iter().map(|exact| exact.temperature.value).collect()],
         }
     }
 
@@ -306,8 +301,7 @@ impl Run {
         let level = mean(&mut state.pressure.iter().copied())
             - mean(&mut mesh.points.iter().map(|x| at(*x).pressure.value));
         let pressure = |a: usize| [state.pressure[a] - level];
-        let none = Vec::new();
-        let warm = state.temperature.as_ref().unwrap_or(&none);
+        let warm = state.scalar(HEAT);
         Off {
             velocity: errors(
                 mesh,

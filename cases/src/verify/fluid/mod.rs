@@ -10,6 +10,7 @@ pub(crate) mod manufactured;
 pub(crate) mod orders;
 mod rayleigh;
 mod stefan;
+mod taylor;
 mod taylor_green;
 
 /// The cases of this group.
@@ -23,4 +24,5 @@ pub const CASES: &[Case] = &[
     convection::CASE,
     rayleigh::CASE,
     stefan::CASE,
+    taylor::CASE,
 ];

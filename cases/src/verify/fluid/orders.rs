@@ -5,7 +5,7 @@ use crate::plot::panels::{Curve, Panel};
 use crate::verify::jet::Jet;
 use crate::verify::{Case, Effort, Finding, Outcome};
 use std::f64::consts::PI;
-use voidage_coupling::Result;
+use voidage_coupling::{HEAT, Result};
 use voidage_fluid::flow::State;
 
 /// Orders in space.
@@ -13,7 +13,7 @@ pub const SPACE: Case = Case {
     name: "manufactured-space",
     group: "fluid",
     title: "manufactured flow with heat in three voidage fields, one moving, and among moving bodies, converges as P1 should",
-    source: "sources derived from the exact fields; reference/manufactured.py, fields of Lethe's VANS verification",
+    source: "sources derived from the exact fields; tests/manufactured.py, fields of Lethe's VANS verification",
     run: run_space,
 };
 
@@ -77,7 +77,7 @@ const IMMERSED: Fields = Fields {
     },
 };
 
-/// C1 of `reference/manufactured.py`.
+/// C1 of `tests/manufactured.py`.
 pub const STILL: Fields = Fields {
     name: "still",
     at: |x, y, _| Exact {
@@ -89,7 +89,7 @@ pub const STILL: Fields = Fields {
     },
 };
 
-/// Voidage and pressure of C2 of `reference/manufactured.py` with a flow that slides along the walls.
+/// Voidage and pressure of C2 of `tests/manufactured.py` with a flow that slides along the walls.
 pub const SLIDING: Fields = Fields {
     name: "sliding",
     at: |x, y, _| Exact {
@@ -267,11 +267,10 @@ fn apart(a: &State<2>, b: &State<2>) -> [f64; 3] {
     let count = a.pressure.len() as f64;
     let mean = |sum: f64| (sum / count).sqrt();
     let square = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-    let warm = |state: &State<2>| state.temperature.clone().unwrap_or_default();
     [
         mean(a.velocity.iter().zip(&b.velocity).map(|(a, b)| (a - b).norm_squared()).sum()),
         mean(square(&a.pressure, &b.pressure)),
-        mean(square(&warm(a), &warm(b))),
+        mean(square(a.scalar(HEAT), b.scalar(HEAT))),
     ]
 }
 

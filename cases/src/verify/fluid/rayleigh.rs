@@ -4,9 +4,8 @@ use crate::models::{FluidSet, Vec2, grid, steps_alone};
 use crate::plot::panels::{Curve, Panel};
 use crate::verify::{Case, Effort, Finding, Outcome};
 use std::f64::consts::PI;
-use voidage_coupling::{Fluid, Result};
-use voidage_fluid::conditions::{FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::flow::HeatProperties;
+use voidage_coupling::{Fluid, HEAT, Result, TEMPERATURE};
+use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::transport::Scalar;
 
 /// The case.
@@ -27,23 +26,23 @@ fn growth(rayleigh: f64, squares: usize) -> Result<f64> {
     let mut set =
         FluidSet::new(1.0, 1.0).flow("left", FlowCondition::Slip).flow("right", FlowCondition::Slip);
     set.properties.gravity = Vec2::new(0.0, -rayleigh);
-    let scalar = Scalar { capacity: 1.0, conductivity: 1.0, thin_cell: None, lumped: false, monotone: false };
-    set.heat = Some(HeatProperties { scalar, expansion: 1.0, reference: 0.5 });
+    let scalar = Scalar::new(TEMPERATURE, 1.0, 1.0);
+    set.scalars = vec![Scalar { expansion: 1.0, reference: 0.5, ..scalar }];
     for condition in &mut set.conditions {
         match condition.boundary.as_str() {
-            "bottom" => condition.heat = HeatCondition::Temperature(Prescribed::Uniform(1.0)),
-            "top" => condition.heat = HeatCondition::Temperature(Prescribed::Uniform(0.0)),
+            "bottom" => condition.scalars = vec![ScalarCondition::Value(Prescribed::Uniform(1.0))],
+            "top" => condition.scalars = vec![ScalarCondition::Value(Prescribed::Uniform(0.0))],
             _ => {}
         }
     }
     let mut start = set.rest(&mesh, 0.0);
     let roll = |x: &Vec2| (WAVE_NUMBER * x.x).cos() * (PI * x.y).sin();
-    start.temperature = Some(mesh.points.iter().map(|x| 1.0 - x.y + 1e-3 * roll(x)).collect());
+    start.scalars = vec![mesh.points.iter().map(|x| 1.0 - x.y + 1e-3 * roll(x)).collect()];
     let rolls: Vec<f64> = mesh.points.iter().map(roll).collect();
     let mut fluid = set.build(mesh, start)?;
     // Currents of the mesh at rest are even about the middle; rolls are odd.
     let amplitude = |fluid: &mut Fluid<2>| -> Result<f64> {
-        let warm = fluid.backend.fields()?.temperature.unwrap_or_default();
+        let warm = fluid.accepted.scalar(HEAT);
         Ok((0..warm.len()).map(|a| fluid.nodal_volume[a] * rolls[a] * warm[a]).sum())
     };
     let dt = 0.01;

@@ -2,15 +2,13 @@
 
 use crate::models::{FluidSet, Vec2, annulus};
 use crate::plot::panels::{Curve, Panel};
-use crate::verify::norms::{errors, rule};
+use crate::verify::norms::errors;
 use crate::verify::{Case, Effort, Finding, Outcome};
 use std::f64::consts::PI;
-use voidage_coupling::Result;
-use voidage_fluid::conditions::{Condition, FlowCondition, HeatCondition, Prescribed};
-use voidage_fluid::element::Element;
-use voidage_fluid::flow::{HeatProperties, State};
+use voidage_coupling::{HEAT, Result, TEMPERATURE};
+use voidage_fluid::Flow;
+use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::transport::Scalar;
-use voidage_fluid::{Flow, Mesh};
 
 /// The case.
 pub const CASE: Case = Case {
@@ -46,60 +44,37 @@ fn exact_temperature(x: Vec2, wall: f64) -> (f64, Vec2) {
     (BOILING + rise - LATENT / CAPACITY, x * (rise * power / (r * r)))
 }
 
-/// Heat that the disc takes, W/m: k dT/dr less c rho u_r (T - T_d) is the same through every circle, and taken as a mean over
-/// the ring it converges twice as fast as the slope at the disc.
-fn heat(mesh: &Mesh<2>, state: &State<2>) -> f64 {
-    let none = Vec::new();
-    let warm = state.temperature.as_ref().unwrap_or(&none);
-    let through = |cell: &[u32]| {
-        let node = [0, 1, 2].map(|a| cell[a] as usize);
-        let corner = node.map(|n| mesh.points[n]);
-        let element = Element::<2, 3>::new(corner);
-        let slope = element.gradient_of(&node.map(|n| warm[n]));
-        let at =
-            |l: &[f64; 3], value: &dyn Fn(usize) -> f64| (0..3).map(|a| l[a] * value(node[a])).sum::<f64>();
-        let points = rule().map(|(l, share)| {
-            let out = (corner[0] * l[0] + corner[1] * l[1] + corner[2] * l[2]).normalize();
-            let u = (0..3).map(|a| l[a] * state.velocity[node[a]].dot(&out)).sum::<f64>();
-            let carried = DENSITY * CAPACITY * u * (at(&l, &|n| warm[n]) - BOILING);
-            share * (CONDUCTIVITY * slope.dot(&out) - carried)
-        });
-        element.measure * points.iter().sum::<f64>()
-    };
-    mesh.cells.chunks_exact(3).map(through).sum::<f64>() / (WALL - DISC)
-}
-
 /// The steady state in a ring of n circles: mass rate and solver.
 fn solve(wall: f64, rings: usize) -> Result<(f64, Flow<2, 3>)> {
     let mesh = annulus(DISC, WALL, rings, 4 * rings);
     let mut set = FluidSet::new(DENSITY, VISCOSITY);
-    let scalar = Scalar {
-        capacity: DENSITY * CAPACITY,
-        conductivity: CONDUCTIVITY,
-        thin_cell: None,
-        lumped: false,
-        monotone: false,
-    };
-    set.heat = Some(HeatProperties { scalar, expansion: 0.0, reference: BOILING });
+    let scalar = Scalar::new(TEMPERATURE, DENSITY * CAPACITY, CONDUCTIVITY);
+    set.scalars = vec![Scalar { expansion: 0.0, reference: BOILING, ..scalar }];
     let directions: Vec<Vec2> = mesh.points.iter().map(|x| x.normalize()).collect();
     let blowing = |rate: f64| {
         let speed = rate / (2.0 * PI * DISC * DENSITY);
         FlowCondition::Velocity(Prescribed::Nodal(directions.iter().map(|out| out * speed).collect()))
     };
-    let held = |temperature: f64| HeatCondition::Temperature(Prescribed::Uniform(temperature));
+    let held = |temperature: f64| ScalarCondition::Value(Prescribed::Uniform(temperature));
     set.conditions = vec![
-        Condition { boundary: "inner".into(), flow: blowing(0.0), heat: held(BOILING) },
-        Condition { boundary: "outer".into(), flow: FlowCondition::Open { pressure: 0.0 }, heat: held(wall) },
+        Condition { boundary: "inner".into(), flow: blowing(0.0), scalars: vec![held(BOILING)] },
+        Condition {
+            boundary: "outer".into(),
+            flow: FlowCondition::Open { pressure: 0.0 },
+            scalars: vec![held(wall)],
+        },
     ];
     let start = set.rest(&mesh, BOILING);
     let clear = vec![1.0; mesh.points.len()];
     let mut flow = set.equations(mesh, start)?;
-    let mut rate = 0.0;
+    let (mut rate, mut balances) = (0.0, vec![]);
     for _ in 0..60 {
         set.conditions[0].flow = blowing(rate);
         flow.solve(1e4, &clear, None, &set.conditions)?;
+        // The heat that the disc takes is the reaction of the discrete equation.
+        flow.balances(&clear, &set.conditions, &mut balances);
         flow.accept();
-        let next = heat(flow.mesh(), flow.state()) / LATENT;
+        let next = -balances[0].scalars[HEAT] / LATENT;
         if (next - rate).abs() < 1e-10 * next {
             break;
         }
@@ -119,8 +94,7 @@ fn run(effort: Effort) -> Result<Outcome> {
         for &rings in sizes {
             let (rate, flow) = solve(wall, rings)?;
             misses.push((rate - exact).abs());
-            let none = Vec::new();
-            let warm = flow.state().temperature.as_ref().unwrap_or(&none);
+            let warm = flow.state().scalar(HEAT);
             norms.push(errors(flow.mesh(), |a| [warm[a]], |x| [exact_temperature(x, wall)]).l2);
             if rings == finest {
                 let order = (misses[misses.len() - 2] / misses[misses.len() - 1]).log2();

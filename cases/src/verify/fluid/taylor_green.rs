@@ -50,7 +50,7 @@ fn solve(squares: usize, steps: usize, voidage: f64) -> Result<Vortex> {
     let start = State {
         velocity: mesh.points.iter().map(|x| Vec2::from(velocity(*x).map(|(value, _)| value))).collect(),
         pressure: mesh.points.iter().map(pressure).collect(),
-        temperature: None,
+        scalars: vec![],
     };
     let volume = mesh.nodal_volume();
     let kinetic =

@@ -27,6 +27,10 @@ const START: f64 = 0.4;
 /// Layers (large diameters) at the surface that the density leaves out.
 const SURFACE: f64 = 3.0;
 
+/// Share of the mean force to which forces are known: the velocities are to 1e-9, the root of the tolerance, and a contact with less
+/// force may as well carry none.
+const KNOWN: f64 = 1e-6;
+
 /// A packing at rest.
 struct Packed {
     particles: Particles<2>,
@@ -99,7 +103,9 @@ fn speed(dem: &Dem<2>) -> f64 {
 /// belongs to no network.
 fn measure(dem: &Dem<2>) -> Packed {
     let particles = dem.particles.clone();
-    let pairs = dem.contacts().filter(|c| c.force.norm() > 0.0).filter_map(|c| match c.partner {
+    let forces: Vec<f64> = dem.contacts().map(|contact| contact.force.norm()).collect();
+    let least = KNOWN * forces.iter().sum::<f64>() / forces.len().max(1) as f64;
+    let pairs = dem.contacts().filter(|c| c.force.norm() > least).filter_map(|c| match c.partner {
         Partner::Grain(j) => Some([c.grain as usize, j as usize]),
         Partner::Wall(_) => None,
     });

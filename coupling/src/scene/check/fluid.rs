@@ -1,7 +1,10 @@
 //! Checks of the fluid, its mesh and its boundaries.
 
 use super::{Checked, coordinates, fail, known, not_negative, positive, tolerance, within};
-use crate::scene::{Backend, Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, Scene, Solver};
+use crate::TEMPERATURE;
+use crate::scene::{
+    Backend, Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, ScalarBoundary, Scene, Solver,
+};
 use crate::transport::Address;
 use voidage_fluid::mesh::{Rectangle, Sides};
 
@@ -27,6 +30,7 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     if let Some(heat) = &fluid.heat {
         check_heat(scene, heat)?;
     }
+    check_scalars(scene, fluid)?;
     check_thin_cell(scene, fluid)?;
     if let Some(backend) = &fluid.backend {
         check_backend(scene, backend)?;
@@ -55,6 +59,24 @@ fn check_heat(scene: &Scene, heat: &FluidHeat) -> Checked {
     positive(scene, "fluid.heat.initial_temperature", heat.initial_temperature)?;
     let reference = heat.reference_temperature;
     reference.map_or(Ok(()), |value| positive(scene, "fluid.heat.reference_temperature", value))
+}
+
+fn check_scalars(scene: &Scene, fluid: &Fluid) -> Checked {
+    for (i, scalar) in fluid.scalars.iter().enumerate() {
+        let (path, name) = (format!("fluid.scalars[{i}]"), &scalar.name);
+        let taken = [TEMPERATURE, "velocity", "pressure", "voidage"].contains(&name.as_str())
+            || fluid.scalars[..i].iter().any(|other| other.name == *name);
+        if taken {
+            let message = format!("`{path}.name = {name:?}` is the name of another field");
+            return fail(scene, &format!("{path}.name"), message, "give every scalar a name of its own");
+        }
+        if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
+            let message = format!("`{path}.name = {name:?}` cannot stand in names of columns");
+            return fail(scene, &format!("{path}.name"), message, "use letters, digits and `_`");
+        }
+        positive(scene, &format!("{path}.diffusivity"), scalar.diffusivity)?;
+    }
+    Ok(())
 }
 
 fn check_thin_cell(scene: &Scene, fluid: &Fluid) -> Checked {
@@ -105,6 +127,14 @@ fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary)
             coordinates(scene, &format!("{path}.flow.superficial_velocity"), velocity)?;
         }
         Flow::NoSlip | Flow::Slip | Flow::Open { .. } => {}
+    }
+    let names: Vec<&str> = fluid.scalars.iter().map(|scalar| scalar.name.as_str()).collect();
+    for (name, condition) in &boundary.scalars {
+        let path = format!("{path}.scalars.{name}");
+        known(scene, &path, name, &names, "scalar of the fluid")?;
+        if let ScalarBoundary::Transfer { coefficient, .. } = condition {
+            not_negative(scene, &format!("{path}.transfer.coefficient"), *coefficient)?;
+        }
     }
     let Some(heat) = &boundary.heat else { return Ok(()) };
     if fluid.heat.is_none() {

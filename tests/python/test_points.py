@@ -1,0 +1,132 @@
+"""The matrices of the points against the exchange written out point by point."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from voidage.cells import Cells, Stabilisation
+from voidage.points import PointSums, no_points
+from voidage.solver import Fields
+
+from conftest import problem, scatter
+
+
+@pytest.fixture(params=[2, 3])
+def case(request, rng):
+    """Mesh, points with one scalar, sums, and random fields."""
+    box = problem(3, request.param)
+    mesh = Cells(box.points, box.cells)
+    points, _ = scatter(rng, box.points, box.cells, scalars=1)
+    count = len(box.points)
+    fields = Fields(
+        rng.standard_normal(box.points.shape),
+        rng.standard_normal(count),
+        (300 + rng.standard_normal(count),),
+    )
+    return box, mesh, points, PointSums(mesh, points), fields
+
+
+def each_point(mesh, points, fields):
+    """Number, shape functions, cell, nodes, gradients, u, grad p and s of every point."""
+    for q, (cell, phi) in enumerate(zip(points.cell, points.shape, strict=True)):
+        nodes, gradient = mesh.nodes[cell], mesh.gradient[cell]
+        u, s = phi @ fields.velocity[nodes], phi @ fields.scalars[0][nodes]
+        yield q, phi, cell, nodes, gradient, u, fields.pressure[nodes] @ gradient, s
+
+
+def test_flow_matrices_are_the_exchange_tested(case, rng):
+    box, mesh, points, sums, fields = case
+    tau = Stabilisation(box, mesh, fields.velocity, 0.1, np.zeros(len(box.cells)))
+    weight, v, q = (
+        rng.standard_normal(box.points.shape),
+        rng.standard_normal(box.points.shape),
+        rng.standard_normal(len(box.points)),
+    )
+    matrix, rhs = sums.flow(tau, box.density, weight)
+    nodes = box.cells[sums.cells]
+    unknown = np.column_stack((fields.velocity, fields.pressure))[nodes]
+    test = np.column_stack((v, q))[nodes]
+    tested = np.einsum("cai,caibj,cbj->", test, matrix, unknown) - np.einsum("cai,cai->", test, rhs)
+
+    expected = 0.0
+    for i, phi, cell, around, gradient, u, slope, _ in each_point(mesh, points, fields):
+        gamma, V = points.drag[i], points.volume[i]
+        push = gamma * u - V * slope
+        law = points.velocity[i] + points.mobility[i] * push
+        of_flux = points.flux_velocity[i] + points.flux_mobility[i] * push
+        force = V * slope - gamma * (u - law)
+        slope_v, slope_q = v[around].T @ gradient, q[around] @ gradient
+        weighed = (
+            slope_v @ tau.direction[cell] * tau.time[cell] + slope_q * tau.time[cell] / box.density
+        )
+        expected -= force @ (phi @ v[around] + weighed) + V * of_flux @ slope_q
+        expected += V * (phi @ weight[around]) @ (phi @ v[around] + weighed)
+    assert tested == pytest.approx(expected, rel=1e-12)
+
+
+def test_matrices_of_a_scalar_are_the_exchange_tested(case, rng):
+    box, mesh, points, sums, fields = case
+    U, xi, S = (
+        mesh.mean(fields.velocity),
+        rng.random(len(box.cells)),
+        rng.standard_normal(len(box.points)),
+    )
+    matrix, rhs = sums.scalar(0, U, xi, lumped=False)
+    nodes = box.cells[sums.cells]
+    tested = np.einsum("ca,cab,cb->", S[nodes], matrix, fields.scalars[0][nodes])
+    tested -= np.sum(S[nodes] * rhs)
+    expected, columns = 0.0, points.scalars[0]
+    for i, phi, cell, around, gradient, _, _, s in each_point(mesh, points, fields):
+        h = columns.coefficient[i]
+        law = columns.value[i] + columns.mobility[i] * h * s
+        expected += h * (s - law) * (phi @ S[around] + xi[cell] * (S[around] @ gradient @ U[cell]))
+    assert tested == pytest.approx(expected, rel=1e-12)
+
+
+def test_lumping_moves_nothing_between_points_and_fluid(case):
+    box, mesh, _, sums, fields = case
+    U, still = mesh.mean(fields.velocity), np.zeros(len(box.cells))
+    (lumped, given), (matrix, rhs) = (sums.scalar(0, U, still, kind) for kind in (True, False))
+    np.testing.assert_allclose(lumped.sum(axis=1), matrix.sum(axis=1), rtol=1e-14)
+    np.testing.assert_array_equal(given, rhs)
+    assert not (lumped * (1 - np.eye(lumped.shape[1]))).any()
+
+
+def test_what_the_fluid_loses_the_points_gain(case):
+    box, mesh, points, sums, fields = case
+    # Tests that are one everywhere leave the sum over all points.
+    still = Stabilisation(box, mesh, np.zeros_like(box.points), 0.1, np.zeros(len(box.cells)))
+    matrix, rhs = sums.flow(still, box.density, np.zeros_like(box.points))
+    unknown = np.column_stack((fields.velocity, fields.pressure))[box.cells[sums.cells]]
+    lost = (np.einsum("caibj,cbj->cai", matrix, unknown) - rhs)[..., :-1].sum(axis=(0, 1))
+    gained = []
+    for i, _, _, _, _, u, slope, _ in each_point(mesh, points, fields):
+        push = points.drag[i] * u - points.volume[i] * slope
+        gained.append(push - points.drag[i] * (points.velocity[i] + points.mobility[i] * push))
+    scale = np.linalg.norm(gained, axis=1).sum()
+    np.testing.assert_allclose(lost, np.sum(gained, axis=0), atol=1e-13 * scale)
+
+
+def test_a_scalar_that_is_not_exchanged_and_no_points(case):
+    box, mesh, points, _, fields = case
+    U, still = mesh.mean(fields.velocity), np.zeros(len(box.cells))
+    sums = PointSums(mesh, dataclasses.replace(points, scalars=(None,)))
+    assert not any(part.any() for part in sums.scalar(0, U, still, lumped=False))
+    none = PointSums(mesh, no_points(dataclasses.replace(box, scalars=("tracer",))))
+    tau = Stabilisation(box, mesh, fields.velocity, 0.1, still)
+    parts = *none.flow(tau, box.density, fields.velocity), *none.scalar(0, U, still, lumped=True)
+    assert all(len(part) == 0 for part in parts) and len(none.cells) == 0
+    np.testing.assert_array_equal(none.solid_flux(fields), np.zeros_like(box.points))
+
+
+def test_the_solid_flux_keeps_its_integral(case):
+    box, mesh, points, sums, _ = case
+    rest = Fields(np.zeros_like(box.points), np.ones(len(box.points)))
+    flux = mesh.nodal_volume @ sums.solid_flux(rest)
+    np.testing.assert_allclose(flux, points.volume @ points.flux_velocity, rtol=1e-12)
+
+
+def test_the_total_drag_of_cells(case):
+    _, _, points, sums, _ = case
+    for cell, total in zip(sums.cells, sums.total_drag, strict=True):
+        assert total == pytest.approx(points.drag[points.cell == cell].sum(), rel=1e-14)

@@ -1,0 +1,175 @@
+//! What passes the named parts of the boundary closes the balances of volume, momentum and scalars of every step.
+
+use std::path::Path;
+use voidage::models::Vec2;
+use voidage_coupling::{Coupled, HEAT, Scene, Simulation};
+use voidage_fluid::element::{Element, weighted_load, weighted_mass};
+use voidage_fluid::flow::State;
+
+/// A scene of the repository with equations that are solved to rounding.
+fn simulation(path: &str, sets: &[&str]) -> (Scene, Simulation) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
+    let exact =
+        ["fluid.solver.tolerance=1e-14", "fluid.solver.linear=\"direct\"", "coupling.scheme=\"henry\""];
+    let sets: Vec<String> = sets.iter().chain(&exact).map(ToString::to_string).collect();
+    let scene = Scene::read(&path, &sets).unwrap_or_else(|error| panic!("{error}"));
+    let simulation = Simulation::new(&scene).unwrap_or_else(|error| panic!("{error}"));
+    (scene, simulation)
+}
+
+/// What the discrete equations of a step contain beside the boundary, summed over all tests.
+struct Inside {
+    /// Weight less rate of momentum, drag of the walls of a thin cell and force on the grains, N/m.
+    force: Vec2,
+    /// Storage and convection of each scalar less what grains and a thin cell give, W/m for heat.
+    scalars: Vec<f64>,
+}
+
+fn inside(scene: &Scene, system: &Coupled<2>, old: &State<2>, before: &[Vec2]) -> Inside {
+    let (fluid, both) = (system.fluid.as_ref().expect("fluid"), system.interaction.as_ref().expect("both"));
+    let (described, dt) = (scene.fluid.as_ref().expect("fluid"), scene.time.step);
+    let (mesh, new) = (&fluid.mesh, &fluid.accepted);
+    let mesh_velocity = |n: usize| (mesh.points[n] - before[n]) / dt;
+    let cell_walls = described.thin_cell.as_ref();
+    let mut force = -both.lost.0;
+    let mut scalars = vec![0.0; new.scalars.len()];
+    for cell in mesh.cells.chunks_exact(3) {
+        let node = [0, 1, 2].map(|a| cell[a] as usize);
+        let element = Element::<2, 3>::new(node.map(|n| mesh.points[n]));
+        let eps = node.map(|n| both.load.voidage[n]);
+        let (mass, load) = (weighted_mass(element.measure, &eps), weighted_load(element.measure, &eps));
+        let (u, u_old) = (node.map(|n| new.velocity[n]), node.map(|n| old.velocity[n]));
+        let wind = node.map(|n| old.velocity[n] - mesh_velocity(n));
+        let sum = |v: &[Vec2; 3]| (0..3).map(|a| v[a] * load[a]).sum::<Vec2>();
+        let (slope, slope_old) = (element.gradient_of_vector(&u), element.gradient_of_vector(&u_old));
+        // One Newton step of the convection about the old velocity.
+        let carried = slope * sum(&wind) + slope_old * (sum(&u) - sum(&u_old));
+        force -= ((sum(&u) - sum(&u_old)) / dt + carried) * described.density;
+        let drag = cell_walls.map_or(0.0, |walls| walls.drag);
+        force -= u.iter().sum::<Vec2>() * (drag * element.measure / 3.0);
+        for (k, value) in scalars.iter_mut().enumerate() {
+            let (s, s_old) = (node.map(|n| new.scalars[k][n]), node.map(|n| old.scalars[k][n]));
+            let heat = described.heat.as_ref().filter(|_| k == HEAT);
+            let capacity = heat.map_or(1.0, |heat| described.density * heat.heat_capacity);
+            let stored: f64 =
+                (0..9).map(|ab| mass[ab / 3][ab % 3] * (s[ab % 3] - s_old[ab % 3])).sum::<f64>() / dt;
+            *value += capacity * (stored + sum(&wind).dot(&element.gradient_of(&s)));
+            if let Some(walls) = cell_walls.and_then(|walls| walls.heat.as_ref()).filter(|_| k == HEAT) {
+                let mean = s.iter().sum::<f64>() / 3.0;
+                *value -= walls.coefficient * element.measure * (walls.temperature - mean);
+            }
+        }
+    }
+    scalars[HEAT] += both.lost.1;
+    // The weight acts on what the grains leave, piece by piece.
+    let heat = described.heat.as_ref().expect("heat");
+    let reference = heat.reference_temperature.unwrap_or(heat.initial_temperature);
+    let light = |t: f64| 1.0 - heat.expansion * (t - reference);
+    let whole: f64 = fluid.nodal_volume.iter().zip(new.scalar(HEAT)).map(|(v, t)| v * light(*t)).sum();
+    let points = &both.points;
+    let displaced: f64 = (0..points.len())
+        .map(|q| {
+            let (cell, x) = (points.cell[q], &points.coordinate[q]);
+            let t = voidage_coupling::exchange::at_point(mesh, cell, x, new.scalar(HEAT));
+            points.volume[q] * light(t)
+        })
+        .sum();
+    force += scene.gravity.vector::<2>() * (described.density * (whole - displaced));
+    Inside { force, scalars }
+}
+
+/// Steps a scene and holds the sums over its boundary against what is inside.
+fn closes(path: &str, sets: &[&str]) {
+    let (scene, mut simulation) = simulation(path, sets);
+    for _ in 0..4 {
+        let fluid = simulation.coupled().fluid.as_ref().expect("fluid");
+        let (old, before) = (fluid.accepted.clone(), fluid.mesh.points.clone());
+        simulation.step().expect("a step");
+        let system = simulation.coupled();
+        let inside = inside(&scene, system, &old, &before);
+        let balances = &system.fluid.as_ref().expect("fluid").solution.balances;
+        let near = |what: &str, sum: f64, other: f64, terms: f64| {
+            assert!((sum - other).abs() < 1e-10 * terms, "{path}: {what} {sum} {other}, terms {terms}");
+            assert!(terms > 0.0, "{what}: nothing passes, the test would see nothing");
+        };
+        let flux: Vec<f64> = balances.iter().map(|balance| balance.flux).collect();
+        near("volume", flux.iter().sum(), 0.0, flux.iter().map(|flux| flux.abs()).sum());
+        for axis in 0..2 {
+            let force: Vec<f64> = balances.iter().map(|balance| balance.force[axis]).collect();
+            let all: f64 = balances.iter().map(|balance| balance.force.norm()).sum();
+            near("momentum", force.iter().sum(), inside.force[axis], all);
+        }
+        for (k, inside) in inside.scalars.iter().enumerate() {
+            let given: Vec<f64> = balances.iter().map(|balance| balance.scalars[k]).collect();
+            let carried: f64 = balances.iter().map(|balance| balance.carried[k].abs()).sum();
+            near("scalar", given.iter().sum(), *inside, carried);
+        }
+    }
+}
+
+const TRACER: [&str; 2] = [
+    "fluid.scalars=[{name=\"tracer\",diffusivity=1e-4,initial=0.2}]",
+    "fluid.boundaries.inflow.scalars.tracer.value=1.0",
+];
+
+#[test]
+fn balances_close_on_a_mesh_that_stands() {
+    let sets = ["grains[0].amount.mass=0.2", "fluid.mesh.rectangle.size=4e-3"];
+    closes("cases/bubbling-bed/scene-quick.toml", &[&sets[..], &TRACER].concat());
+}
+
+#[test]
+fn balances_close_on_a_mesh_that_moves() {
+    closes("tests/python/scenes/moving-mesh.toml", &TRACER);
+}
+
+/// Grains that a scheme pushes otherwise than the fluid was told make the defect what it is: the share that nobody lost.
+#[test]
+fn a_force_that_the_fluid_did_not_lose_is_a_momentum_exchange_defect() {
+    use voidage_coupling::scheme::Scheme;
+    use voidage_coupling::{Result, StepReport};
+    struct Cheat(f64);
+    impl Scheme<2> for Cheat {
+        fn step(&mut self, coupled: &mut Coupled<2>, dt: f64) -> Result<StepReport> {
+            let mut report = StepReport::default();
+            coupled.cut_grains(&mut report)?;
+            coupled.evaluate_closures(&mut report);
+            coupled.solve_fluid(dt, &mut report)?;
+            if let Some(both) = &mut coupled.interaction {
+                both.force.iter_mut().for_each(|force| *force *= self.0);
+                both.heat.iter_mut().for_each(|heat| *heat *= self.0);
+            }
+            coupled.move_grains(dt, &mut report);
+            coupled.accept(dt, &mut report);
+            Ok(report)
+        }
+    }
+    for factor in [1.0, 1.25] {
+        let (_, mut simulation) = simulation("tests/python/scenes/moving-mesh.toml", &[]);
+        simulation.coupled_mut().set_scheme(Box::new(Cheat(factor)));
+        let report = simulation.step().expect("a step");
+        let found = [report.momentum_exchange_defect, report.energy_exchange_defect];
+        for defect in found.map(|defect| defect.expect("both")) {
+            let share = (factor - 1.0) / factor;
+            assert!(defect < share * 1.01 + 1e-12 && defect > 0.5 * share, "{defect}, {factor}");
+        }
+    }
+}
+
+/// A grain half outside of the mesh is half a grain for the fluid.
+#[test]
+fn a_grain_that_the_boundary_cuts_is_a_solid_volume_defect() {
+    let (scene, mut simulation) = simulation("tests/python/scenes/moving-mesh.toml", &[]);
+    let top = 0.08;
+    let grains = simulation.coupled_mut().grains.as_mut().expect("grains");
+    let count = grains.particles.len() as f64;
+    grains.particles.position[0].y = top;
+    grains.particles.velocity[0].y = 0.0;
+    let report = simulation.step().expect("a step");
+    let defect = report.solid_volume_defect.expect("both");
+    assert!((defect - 0.5 / count).abs() < 1e-12, "{defect}, half of one in {count}");
+    let both = simulation.coupled().interaction.as_ref().expect("both");
+    let whole = both.load.volume[1];
+    assert!((both.load.volume[0] / whole - 0.5).abs() < 1e-12);
+    drop(scene);
+}
