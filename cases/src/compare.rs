@@ -167,7 +167,7 @@ fn free_runs(options: &Options, candidates: &[Candidate]) -> Result<Vec<Finding>
     for other in others {
         runs.push((other.name.clone(), Simulation::hosted(&other.scene, &other.host)?));
     }
-    if first.coupled().grains.is_some() {
+    if first.coupled().grains().is_some() {
         let mut nudged = Simulation::hosted(&reference.scene, &reference.host)?;
         nudge(&mut nudged);
         runs.push((format!("{} nudged", reference.name), nudged));
@@ -191,7 +191,7 @@ fn free_runs(options: &Options, candidates: &[Candidate]) -> Result<Vec<Finding>
 
 /// Moves every other grain to the right by [`NUDGE`] of its radius.
 fn nudge(simulation: &mut Simulation) {
-    if let Some(grains) = &mut simulation.coupled_mut().grains {
+    if let Some(grains) = simulation.coupled_mut().grains_mut() {
         let particles = &mut grains.particles;
         for (position, radius) in particles.position.iter_mut().zip(&particles.radius).step_by(2) {
             position[0] += NUDGE * radius;

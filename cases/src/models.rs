@@ -6,7 +6,7 @@ use voidage_coupling::closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, 
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
-use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Result};
+use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Mixture, Result, System};
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::{Numerics, State};
@@ -165,7 +165,8 @@ impl FluidSet {
             temperature: vec![0.0; if laws.thermal.is_some() { count } else { 0 }],
         };
         let interaction = Interaction::new(laws, &fluid.mesh, &grains, at)?;
-        Ok(Coupled::new(Some(grains), Some(fluid), Some(interaction), scheme.build(&Iteration::default())))
+        let system = System::Mixture(Mixture::new(grains, fluid, interaction));
+        Ok(Coupled::new(system, scheme.build(&Iteration::default())))
     }
 
     /// Dallavalle's drag and the laws of Ranz and Marshall without correction for neighbours.
@@ -290,7 +291,7 @@ pub fn steps_alone(fluid: &mut Fluid<2>, dt: f64, count: u64) -> Result<()> {
         let step =
             FluidStep { number, time, dt, immersed: None, conditions: &fluid.conditions, motion: None };
         fluid.backend.solve(&step, &mut fluid.solution)?;
-        fluid.accept();
+        fluid.accept(dt);
     }
     Ok(())
 }
@@ -341,10 +342,10 @@ impl SlipBox {
     /// Difference of the angular velocities, 1/s, seen at a node of the rim and at one grain.
     pub fn slip(&mut self) -> Result<f64> {
         let mut turn = 0.0;
-        if let Some(fluid) = &mut self.system.fluid {
+        if let Some(fluid) = self.system.fluid_mut() {
             turn = fluid.accepted.velocity[1].y;
         }
-        if let Some(grains) = &self.system.grains {
+        if let Some(grains) = self.system.grains() {
             let (x, v) = (grains.particles.position[10], grains.particles.velocity[10]);
             turn -= (x.x * v.y - x.y * v.x) / x.norm_squared();
         }

@@ -10,7 +10,7 @@ use crate::placing::{Placed, Placing};
 use crate::protocol::Setup;
 use crate::renewal::Renewal;
 use crate::scene::{self, Scene};
-use crate::{Coupled, Fluid, Interaction, Laws, TEMPERATURE};
+use crate::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
 use voidage_dem::{Conduction, ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::{Numerics, State};
@@ -41,13 +41,16 @@ pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<C
     let grains = if scene.grains.is_empty() { None } else { Some(grains(scene, placing)?) };
     let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid, host)).transpose()?;
     let coupling = scene.coupling.clone().unwrap_or_default();
-    let interaction = match (&grains, &fluid, &scene.fluid) {
+    let system = match (grains, fluid, &scene.fluid) {
         (Some(grains), Some(fluid), Some(described)) => {
-            Some(interaction(&coupling, grains, fluid, described)?)
+            let interaction = interaction(&coupling, &grains, &fluid, described)?;
+            System::Mixture(Mixture::new(grains, fluid, interaction))
         }
-        _ => None,
+        (Some(grains), ..) => System::Grains(grains, Clock::default()),
+        (None, Some(fluid), _) => System::Fluid(fluid),
+        (None, None, _) => return Err(Error::Input("the scene has neither grains nor a fluid".into())),
     };
-    Ok(Coupled::new(grains, fluid, interaction, coupling.scheme.build(&coupling.iteration)))
+    Ok(Coupled::new(system, coupling.scheme.build(&coupling.iteration)))
 }
 
 fn interaction(

@@ -110,7 +110,10 @@ impl<const D: usize> SideBySide<D> {
         for Other { name, solution, .. } in &self.others {
             let mut differences = nodal(self.density, &self.scalars, &ours.fields, &solution.fields);
             differences.extend(at_points(mesh, &self.scalars, step, ours, solution));
-            differences.extend(at_boundary(&self.scalars, &ours.balances, &solution.balances));
+            let speed = fastest(&ours.fields.velocity);
+            let (lower, upper) = mesh.bounds();
+            let driver = speed * (upper - lower).norm().powi(D as i32 - 1);
+            differences.extend(at_boundary(&self.scalars, driver, &ours.balances, &solution.balances));
             self.pending.push(Finding { step: step.number, solver: name.clone(), differences });
         }
         Ok(())
@@ -160,7 +163,7 @@ pub fn view_differences<const D: usize>(density: f64, a: &View<'_, D>, b: &View<
 
 /// Differences of the nodal fields: relative to the first, or to what would drive them.
 fn nodal<const D: usize>(density: f64, scalars: &[String], a: &State<D>, b: &State<D>) -> Vec<Difference> {
-    let speed = a.velocity.iter().fold(0.0, |most: f64, u| most.max(u.norm()));
+    let speed = fastest(&a.velocity);
     let mut found = vec![
         vectors("velocity", &a.velocity, &b.velocity, (largest(&a.pressure) / density).sqrt()),
         numbers("pressure", &a.pressure, &b.pressure, density * speed * speed),
@@ -168,6 +171,10 @@ fn nodal<const D: usize>(density: f64, scalars: &[String], a: &State<D>, b: &Sta
     let values = a.scalars.iter().zip(&b.scalars);
     found.extend(scalars.iter().zip(values).map(|(name, (a, b))| numbers(name, a, b, 0.0)));
     found
+}
+
+fn fastest<const D: usize>(velocity: &[Vector<D>]) -> f64 {
+    velocity.iter().fold(0.0, |most: f64, u| most.max(u.norm()))
 }
 
 fn largest(values: &[f64]) -> f64 {
@@ -195,8 +202,14 @@ fn at_points<const D: usize>(
     found
 }
 
-/// Differences of what passes the parts of the boundary; none where a solver does not compute it.
-fn at_boundary<const D: usize>(scalars: &[String], a: &[Balance<D>], b: &[Balance<D>]) -> Vec<Difference> {
+/// Differences of what passes the parts of the boundary; none where a solver does not compute it. `driver` is the flux of the largest
+/// velocity across the mesh: nothing but rounding passes the walls of a closed box.
+fn at_boundary<const D: usize>(
+    scalars: &[String],
+    driver: f64,
+    a: &[Balance<D>],
+    b: &[Balance<D>],
+) -> Vec<Difference> {
     if a.len() != b.len() || a.is_empty() {
         return Vec::new();
     }
@@ -204,7 +217,7 @@ fn at_boundary<const D: usize>(scalars: &[String], a: &[Balance<D>], b: &[Balanc
     let forces = [a, b].map(|all| all.iter().map(|balance| balance.force).collect::<Vec<_>>());
     let [ours, theirs] = column(&|balance| balance.flux);
     let mut found = vec![
-        numbers("boundary flux", &ours, &theirs, 0.0),
+        numbers("boundary flux", &ours, &theirs, driver),
         vectors("boundary force", &forces[0], &forces[1], 0.0),
     ];
     for (k, name) in scalars.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Meshes that move by a law of time.
 
-use crate::{Coupled, Fluid};
+use crate::{Coupled, Fluid, Mixture, System};
 use serde::{Deserialize, Serialize};
 use voidage_fluid::harmonic::harmonic;
 use voidage_fluid::mesh::Renewed;
@@ -108,23 +108,41 @@ impl<const D: usize> Swing<D> {
     }
 }
 
+impl<const D: usize> Fluid<D> {
+    /// Moves the nodes of a mesh that moves; what was computed of their places follows. Returns whether it moves.
+    pub(crate) fn move_mesh(
+        &mut self,
+        move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>]),
+    ) -> bool {
+        let Some(motion) = &mut self.motion else { return false };
+        move_nodes(motion, self.clock.time, &mut self.mesh.points);
+        self.nodal_volume = self.mesh.nodal_volume();
+        self.moved = true;
+        true
+    }
+}
+
+impl<const D: usize> Mixture<D> {
+    /// Moves the nodes of a mesh that moves, under the grains.
+    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>])) {
+        if self.fluid.move_mesh(move_nodes) {
+            self.interaction.overlap.moved(&self.fluid.mesh);
+        }
+    }
+}
+
 impl<const D: usize> Coupled<D> {
     /// Puts a mesh that moves where it is now, after time was set.
     pub fn place_mesh(&mut self) {
         self.move_mesh(|motion, time, points| motion.at(time, points));
     }
 
-    /// Moves the nodes; what was computed of their places follows. Schemes find the mesh where it is at the end of the
-    /// step.
+    /// Moves the nodes. Schemes find the mesh where it is at the end of the step.
     pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>])) {
-        let Some(Fluid { mesh, nodal_volume, motion: Some(motion), moved, .. }) = &mut self.fluid else {
-            return;
-        };
-        *moved = true;
-        move_nodes(motion, self.time, &mut mesh.points);
-        *nodal_volume = mesh.nodal_volume();
-        if let Some(interaction) = &mut self.interaction {
-            interaction.overlap.moved(mesh);
+        match &mut self.system {
+            System::Grains(..) => {}
+            System::Fluid(fluid) => drop(fluid.move_mesh(move_nodes)),
+            System::Mixture(mixture) => mixture.move_mesh(move_nodes),
         }
     }
 }

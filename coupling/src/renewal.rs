@@ -6,7 +6,7 @@
 
 use crate::motion::Swing;
 use crate::overlap::Overlap;
-use crate::{Coupled, Result, StepReport};
+use crate::{Clock, Coupled, Fluid, Mixture, Result, StepReport};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -66,42 +66,67 @@ impl Renewal<2> {
     }
 }
 
-impl<const D: usize> Coupled<D> {
-    /// Makes the mesh anew if it is time; the end of every step.
-    ///
-    /// # Errors
-    /// No mesh fits into its boundary; the solver cannot be reached.
-    pub fn renew_mesh(&mut self, report: &mut StepReport) -> Result<()> {
-        let Some(fluid) = &mut self.fluid else { return Ok(()) };
-        let Some(renewal) = &mut fluid.renewal else { return Ok(()) };
+impl<const D: usize> Fluid<D> {
+    /// Makes the mesh anew if it is time; returns whether it was.
+    fn renew_mesh(&mut self) -> Result<bool> {
+        let Some(renewal) = &mut self.renewal else { return Ok(false) };
         let Renewal { when, tools, .. } = *renewal;
-        if self.steps - renewal.last < when.every && (tools.angle)(&fluid.mesh) >= when.angle {
-            return Ok(());
+        let Clock { time, steps } = self.clock;
+        if steps - renewal.last < when.every && (tools.angle)(&self.mesh) >= when.angle {
+            return Ok(false);
         }
-        let start = Instant::now();
-        let renewed = (tools.make)(&fluid.mesh, &renewal.spacing)?;
-        let old = &fluid.accepted;
+        let renewed = (tools.make)(&self.mesh, &renewal.spacing)?;
+        let old = &self.accepted;
         let fields = State {
             velocity: renewed.carry(&old.velocity),
             pressure: renewed.carry(&old.pressure),
             scalars: old.scalars.iter().map(|old| renewed.carry(old)).collect(),
         };
         renewal.spacing = renewed.carry(&renewal.spacing);
-        renewal.last = self.steps;
-        fluid.motion = fluid.motion.as_ref().map(|motion| motion.renewed(&renewed, self.time));
-        fluid.set_mesh(renewed.mesh, fields)?;
-        self.search_anew()?;
-        report.renewed = true;
-        report.phases.remesh += start.elapsed().as_secs_f64();
-        self.cut_grains(report)
+        renewal.last = steps;
+        self.motion = self.motion.as_ref().map(|motion| motion.renewed(&renewed, time));
+        self.set_mesh(renewed.mesh, fields)?;
+        Ok(true)
     }
 
     /// The mesh, if it has been made anew.
     pub(crate) fn anew(&self) -> Option<Anew<D>> {
-        let fluid = self.fluid.as_ref()?;
-        let Renewal { spacing, last, .. } = fluid.renewal.as_ref().filter(|renewal| renewal.last > 0)?;
-        let (mesh, motion) = (fluid.mesh.clone(), fluid.motion.clone());
+        let Renewal { spacing, last, .. } = self.renewal.as_ref().filter(|renewal| renewal.last > 0)?;
+        let (mesh, motion) = (self.mesh.clone(), self.motion.clone());
         Some(Anew { mesh, motion, spacing: spacing.clone(), last: *last })
+    }
+
+    fn take_anew(&mut self, anew: Anew<D>) {
+        if let Some(renewal) = &mut self.renewal {
+            (renewal.spacing, renewal.last) = (anew.spacing, anew.last);
+            (self.mesh, self.motion, self.moved) = (anew.mesh, anew.motion, true);
+        }
+    }
+}
+
+impl<const D: usize> Mixture<D> {
+    /// Grains are looked for on the mesh of now.
+    fn search_anew(&mut self) -> Result<()> {
+        self.interaction.overlap = Overlap::new(&self.fluid.mesh)?;
+        Ok(())
+    }
+}
+
+impl<const D: usize> Coupled<D> {
+    /// Makes the mesh anew if it is time; the end of every step.
+    ///
+    /// # Errors
+    /// No mesh fits into its boundary; the solver cannot be reached.
+    pub fn renew_mesh(&mut self, report: &mut StepReport) -> Result<()> {
+        let start = Instant::now();
+        report.renewed = self.fluid_mut().map_or(Ok(false), Fluid::renew_mesh)?;
+        if !report.renewed {
+            return Ok(());
+        }
+        report.phases.remesh += start.elapsed().as_secs_f64();
+        let Some(mixture) = self.mixture_mut() else { return Ok(()) };
+        mixture.search_anew()?;
+        mixture.cut_grains(report)
     }
 
     /// Takes the mesh of a checkpoint.
@@ -109,18 +134,9 @@ impl<const D: usize> Coupled<D> {
     /// # Errors
     /// A mesh that cannot be searched.
     pub(crate) fn take_anew(&mut self, anew: Anew<D>) -> Result<()> {
-        let Some(fluid) = &mut self.fluid else { return Ok(()) };
-        let Some(renewal) = &mut fluid.renewal else { return Ok(()) };
-        (renewal.spacing, renewal.last) = (anew.spacing, anew.last);
-        (fluid.mesh, fluid.motion, fluid.moved) = (anew.mesh, anew.motion, true);
-        self.search_anew()
-    }
-
-    /// Grains are looked for on the mesh of now.
-    fn search_anew(&mut self) -> Result<()> {
-        if let (Some(fluid), Some(interaction)) = (&self.fluid, &mut self.interaction) {
-            interaction.overlap = Overlap::new(&fluid.mesh)?;
+        if let Some(fluid) = self.fluid_mut() {
+            fluid.take_anew(anew);
         }
-        Ok(())
+        self.mixture_mut().map_or(Ok(()), Mixture::search_anew)
     }
 }

@@ -80,14 +80,14 @@ impl Simulation {
             coupled.take_anew(anew)?;
         }
         coupled.place_mesh();
-        if let (Some(grains), Some(state)) = (&mut coupled.grains, state.grains) {
+        if let (Some(grains), Some(state)) = (coupled.grains_mut(), state.grains) {
             grains.restore(state)?;
         }
-        if let (Some(fluid), Some(fields)) = (&mut coupled.fluid, state.fluid) {
+        if let (Some(fluid), Some(fields)) = (coupled.fluid_mut(), state.fluid) {
             fluid.accepted = fields;
             fluid.start()?;
         }
-        if let (Some(interaction), Some(at)) = (&mut coupled.interaction, state.at) {
+        if let (Some(interaction), Some(at)) = (coupled.interaction_mut(), state.at) {
             interaction.at = at;
             interaction.carried = state.carried;
         }
@@ -104,15 +104,16 @@ impl Simulation {
         others: Vec<(String, Box<dyn FluidBackend<2>>)>,
         steps: Vec<u64>,
     ) -> Result<Findings> {
-        let coupled = &mut self.coupled;
-        let Some(mut fluid) = coupled.fluid.take() else {
+        let Some(fluid) = self.coupled.fluid_mut() else {
             return Err(crate::Error::Input("a scene without fluid has no fluid solvers to compare".into()));
         };
-        let start = (&fluid.mesh, &fluid.accepted);
-        let beside = SideBySide::new(fluid.backend, start, (density, &fluid.scalars), others, steps);
-        let findings = beside.findings();
-        fluid.backend = Box::new(beside);
-        coupled.fluid = Some(fluid);
+        let (mesh, fields, scalars) = (fluid.mesh.clone(), fluid.accepted.clone(), fluid.scalars.clone());
+        let mut findings = Findings::default();
+        fluid.wrap_backend(|first| {
+            let beside = SideBySide::new(first, (&mesh, &fields), (density, &scalars), others, steps);
+            findings = beside.findings();
+            Box::new(beside)
+        });
         Ok(findings)
     }
 
@@ -167,7 +168,7 @@ impl Simulation {
     }
 
     fn wall_name(&self, number: u32) -> &str {
-        let walls = self.coupled.grains.as_ref().map_or(&[][..], |grains| grains.walls());
+        let walls = self.coupled.grains().map_or(&[][..], |grains| grains.walls());
         walls.get(number as usize).map_or("", |wall| &wall.name)
     }
 
@@ -216,12 +217,15 @@ impl Simulation {
     /// # Errors
     /// A grain is outside the mesh.
     pub fn refresh(&mut self) -> Result<()> {
-        self.coupled.cut_grains(&mut StepReport::default())
+        match self.coupled.mixture_mut() {
+            Some(mixture) => mixture.cut_grains(&mut StepReport::default()),
+            None => Ok(()),
+        }
     }
 
     /// What the recorder writes; the voidage as of the last [`Self::refresh`].
     pub fn view(&self) -> View<'_, 2> {
-        let grains = self.coupled.grains.as_ref().map(|grains| {
+        let grains = self.coupled.grains().map(|grains| {
             let particles = &grains.particles;
             GrainView {
                 position: &particles.position,
@@ -233,10 +237,10 @@ impl Simulation {
                 temperature: particles.heat.as_ref().map(|heat| heat.temperature.as_slice()),
             }
         });
-        let fluid = self.coupled.fluid.as_ref().map(|fluid| FluidView {
+        let fluid = self.coupled.fluid().map(|fluid| FluidView {
             mesh: &fluid.mesh,
             fields: &fluid.accepted,
-            voidage: self.coupled.interaction.as_ref().map(|i| i.load.voidage.as_slice()),
+            voidage: self.coupled.interaction().map(|i| i.load.voidage.as_slice()),
             scalars: &fluid.scalars,
         });
         View { grains, fluid }
@@ -246,7 +250,7 @@ impl Simulation {
     /// the first, so that the columns are always the same.
     pub fn readings(&self) -> Vec<Reading> {
         let (mut readings, last) = (Vec::<Reading>::new(), &self.last);
-        if let Some(grains) = &self.coupled.grains {
+        if let Some(grains) = self.coupled.grains() {
             let step = last.grains.unwrap_or_default();
             readings.extend([
                 ("contacts".into(), step.contacts as f64),
@@ -261,12 +265,12 @@ impl Simulation {
                 }
             }
         }
-        if let Some(fluid) = &self.coupled.fluid {
+        if let Some(fluid) = self.coupled.fluid() {
             let report = last.fluid.unwrap_or_default();
             readings.push(("linear_iterations".into(), report.flow_iterations as f64));
             self.boundary_readings(fluid, &mut readings);
         }
-        if let Some(interaction) = &self.coupled.interaction {
+        if let Some(interaction) = self.coupled.interaction() {
             let agreement = last.agreement.unwrap_or_default();
             readings.extend([
                 ("fluid_solves".into(), agreement.solves as f64),
@@ -319,29 +323,26 @@ impl Simulation {
     /// The fluid solver cannot be reached.
     pub fn state(&mut self) -> Result<State> {
         let coupled = &mut self.coupled;
-        let fluid = match &mut coupled.fluid {
-            None => None,
-            Some(fluid) => {
-                fluid.start()?;
-                Some(fluid.accepted.clone())
-            }
-        };
+        let mut fluid = None;
+        if let Some(there) = coupled.fluid_mut() {
+            there.start()?;
+            fluid = Some(there.accepted.clone());
+        }
         Ok(State {
             time: coupled.time(),
             steps: coupled.steps(),
-            grains: coupled.grains.as_ref().map(|grains| grains.state()),
+            grains: coupled.grains().map(|grains| grains.state()),
             fluid,
-            anew: coupled.anew(),
-            at: coupled.interaction.as_ref().map(|interaction| interaction.at.clone()),
-            carried: coupled.interaction.as_ref().and_then(|interaction| interaction.carried.clone()),
+            anew: coupled.fluid().and_then(Fluid::anew),
+            at: coupled.interaction().map(|interaction| interaction.at.clone()),
+            carried: coupled.interaction().and_then(|interaction| interaction.carried.clone()),
         })
     }
 }
 
 /// (m - rho_f V) g over the extent of the mesh across gravity, grains that are held excepted.
 fn bed_weight_per_area(coupled: &Coupled<2>) -> Option<f64> {
-    let (grains, fluid, interaction) =
-        (coupled.grains.as_ref()?, coupled.fluid.as_ref()?, coupled.interaction.as_ref()?);
+    let (grains, fluid, interaction) = (coupled.grains()?, coupled.fluid()?, coupled.interaction()?);
     let gravity = grains.settings().gravity;
     if gravity.norm() == 0.0 {
         return None;

@@ -91,6 +91,32 @@ pub struct ContactForce<const D: usize> {
     pub force: Vector<D>,
 }
 
+impl<const D: usize> Default for Dem<D> {
+    /// No grains, no walls.
+    fn default() -> Self {
+        Self {
+            particles: Particles::default(),
+            walls: vec![],
+            materials: vec![],
+            settings: Settings::default(),
+            time: 0.0,
+            memory: Memory::default(),
+            contact_force: vec![],
+            contact_heat: vec![],
+            wall_force: vec![],
+            wall_heat: vec![],
+            mean_velocity: vec![],
+            mean_temperature: vec![],
+            mark: Mark::default(),
+            placed: vec![],
+            search: Search::default(),
+            problem: Problem::default(),
+            after: vec![],
+            conductor: Conductor::default(),
+        }
+    }
+}
+
 impl<const D: usize> Dem<D> {
     /// Checks everything; grains may touch walls and each other from the start.
     pub fn new(
@@ -121,20 +147,11 @@ impl<const D: usize> Dem<D> {
             contact_heat: vec![0.0; if heat { n } else { 0 }],
             wall_force: vec![Vector::zeros(); walls.len()],
             wall_heat: vec![0.0; if heat { walls.len() } else { 0 }],
-            mean_velocity: vec![],
-            mean_temperature: vec![],
-            mark: Mark::default(),
             particles,
             walls,
             materials,
             settings,
-            time: 0.0,
-            memory: Memory::default(),
-            placed: vec![],
-            search: Search::default(),
-            problem: Problem::default(),
-            after: vec![],
-            conductor: Conductor::default(),
+            ..Self::default()
         })
     }
 

@@ -313,7 +313,7 @@ fn grains_may_grow_in_number_by_a_hundred_times_during_a_run() {
     };
     let host = Host { program: env!("CARGO_BIN_EXE_voidage").into(), log: folder.path().join("solver.log") };
     let coupled = build::coupled(&scene(&[]), &host).unwrap();
-    let fluid = coupled.fluid.unwrap();
+    let fluid = coupled.fluid().unwrap();
     for (transport, solver) in [("shm", "serve"), ("tcp", "serve"), ("shm", "scikit-fem")] {
         let choice = [
             format!("fluid.backend.solver={solver:?}"),

@@ -94,14 +94,14 @@ fn without_heat_there_is_no_temperature() {
     let view = cold.view();
     assert!(view.grains.expect("grains").temperature.is_none());
     assert!(view.fluid.expect("fluid").scalars.is_empty());
-    let interaction = cold.coupled().interaction.as_ref().expect("both");
+    let interaction = cold.coupled().interaction().expect("both");
     assert!(interaction.load.heat.is_none() && interaction.at.temperature.is_empty());
     assert!(interaction.heat.is_empty());
-    assert!(cold.coupled().grains.as_ref().expect("grains").contact_heat().is_empty());
+    assert!(cold.coupled().grains().expect("grains").contact_heat().is_empty());
     assert!(cold.readings().iter().all(|(name, _)| !name.contains("heat") && !name.contains("energy")));
     assert!(cold.totals().energy_exchange_defect.is_none());
     // The two temperatures (state and next), the matrix of the energy equation and its ILU.
-    let fluid = cold.coupled().fluid.as_ref().expect("fluid");
+    let fluid = cold.coupled().fluid().expect("fluid");
     let nodes = fluid.mesh.points.len();
     assert!(warm_bytes > cold_bytes + 8 * nodes * (2 + 7 + 7), "{warm_bytes} {cold_bytes}");
     assert!(!warm.view().fluid.expect("fluid").scalars.is_empty());
@@ -113,7 +113,7 @@ fn without_fluid_there_is_no_mesh() {
         simulation.step().expect("a step");
     }
     let coupled = simulation.coupled();
-    assert!(coupled.fluid.is_none() && coupled.interaction.is_none());
+    assert!(coupled.fluid().is_none() && coupled.interaction().is_none());
     let phases = simulation.totals().phases;
     let others = phases.named().into_iter().filter(|(name, _)| *name != "contacts");
     assert!(others.map(|(_, seconds)| seconds).sum::<f64>() == 0.0, "{phases:?}");
@@ -126,7 +126,7 @@ fn without_grains_there_is_no_overlap() {
         simulation.step().expect("a step");
     }
     let coupled = simulation.coupled();
-    assert!(coupled.grains.is_none() && coupled.interaction.is_none());
+    assert!(coupled.grains().is_none() && coupled.interaction().is_none());
     let phases = simulation.totals().phases;
     assert_eq!((phases.overlap, phases.closure, phases.contacts), (0.0, 0.0, 0.0));
     assert!(phases.flow > 0.0);
@@ -314,16 +314,14 @@ fn count(scene: &Scene) -> Counted {
     let before = BYTES.load(Ordering::Relaxed);
     let mut simulation = Simulation::new(scene).expect("a valid scene");
     let counts = Arc::new(Counts::default());
-    let mut fluid = simulation.coupled_mut().fluid.take().expect("a fluid");
+    let fluid = simulation.coupled_mut().fluid_mut().expect("a fluid");
     let nodes = fluid.mesh.points.len();
-    let inner = fluid.backend;
-    fluid.backend = Box::new(Spy { inner, counts: counts.clone() });
-    simulation.coupled_mut().fluid = Some(fluid);
+    fluid.wrap_backend(|inner| Box::new(Spy { inner, counts: counts.clone() }));
     simulation.step().expect("a step");
     let bytes = BYTES.load(Ordering::Relaxed) - before;
     let calls = [&counts.solves, &counts.energy, &counts.heat].map(|count| count.load(Ordering::Relaxed));
     let wire = counts.wire.load(Ordering::Relaxed);
-    let points = simulation.coupled().interaction.as_ref().map_or(0, |both| both.points.len());
+    let points = simulation.coupled().interaction().map_or(0, |both| both.points.len());
     let points = points.next_multiple_of(8);
     for _ in 0..5 {
         simulation.step().expect("a step");
@@ -333,7 +331,7 @@ fn count(scene: &Scene) -> Counted {
     let allocations = CALLS.load(Ordering::Relaxed) - allocations;
     let phases = simulation.totals().phases.named().into_iter();
     let phases = phases.filter(|(_, seconds)| *seconds > 0.0).map(|(name, _)| name).collect();
-    let grains = simulation.coupled().grains.as_ref().map_or(0, |grains| grains.particles.len());
+    let grains = simulation.coupled().grains().map_or(0, |grains| grains.particles.len());
     Counted { grains, nodes, points, bytes, allocations, wire, calls, phases }
 }
 

@@ -71,13 +71,13 @@ fn bed(conductivity: f64, [inflow, gas, cold, hot]: [f64; 4]) -> (Coupled<2>, f6
     let fluid = set.build(mesh, start).expect("a fluid");
     let grains = grains(conductivity, [cold, hot]);
     let mut system = set.with_grains(fluid, grains, laws, SchemeName::Iterated).expect("both");
-    system.interaction.as_mut().expect("both").at.temperature.fill(gas);
+    system.interaction_mut().expect("both").at.temperature.fill(gas);
     (system, relaxation)
 }
 
 /// Lowest and highest temperature of the grains.
 fn range(system: &Coupled<2>) -> (f64, f64) {
-    let heat = system.grains.as_ref().and_then(|grains| grains.particles.heat.as_ref()).expect("heat");
+    let heat = system.grains().and_then(|grains| grains.particles.heat.as_ref()).expect("heat");
     heat.temperature.iter().fold((f64::MAX, f64::MIN), |(low, high), t| (low.min(*t), high.max(*t)))
 }
 
@@ -98,10 +98,9 @@ fn grains_that_conduct_stay_within_bounds() {
             }
             println!("{conductivity} {step}: {coldest} .. {hottest}");
             assert!(coldest >= low && hottest <= high, "{conductivity} {step}: {coldest} .. {hottest}");
-            let grains = system.grains.as_ref().expect("grains");
+            let grains = system.grains().expect("grains");
             let through: f64 = grains.conductance().sum();
-            let transfer =
-                &system.interaction.as_ref().expect("both").load.heat.as_ref().expect("heat").coefficient;
+            let transfer = &system.interaction().expect("both").load.heat.as_ref().expect("heat").coefficient;
             let outside: f64 = transfer.iter().sum();
             assert!(through > outside || conductivity < 1e4, "contacts conduct little: {through} {outside}");
         }

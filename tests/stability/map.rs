@@ -75,23 +75,23 @@ fn henry_after_lagged_is_henry() {
     let places = |first: SchemeName| {
         let mut simulation = bed();
         let coupled = simulation.coupled_mut();
-        let start = coupled.grains.as_ref().expect("grains").state();
-        let fields = coupled.fluid.as_ref().expect("fluid").accepted.clone();
-        let at = coupled.interaction.as_ref().expect("both").at.clone();
+        let start = coupled.grains().expect("grains").state();
+        let fields = coupled.fluid().expect("fluid").accepted.clone();
+        let at = coupled.interaction().expect("both").at.clone();
         coupled.set_scheme(first.build(&Iteration::default()));
         coupled.step(1e-3).expect("a step");
         // Back to the start, with the other scheme.
         coupled.set_time(0.0, 0);
-        coupled.grains.as_mut().expect("grains").restore(start).expect("the same grains");
-        let fluid = coupled.fluid.as_mut().expect("fluid");
+        coupled.grains_mut().expect("grains").restore(start).expect("the same grains");
+        let fluid = coupled.fluid_mut().expect("fluid");
         fluid.accepted = fields;
         fluid.start().expect("the same mesh");
-        coupled.interaction.as_mut().expect("both").at = at;
+        coupled.interaction_mut().expect("both").at = at;
         coupled.set_scheme(SchemeName::Henry.build(&Iteration::default()));
         for _ in 0..3 {
             coupled.step(1e-3).expect("a step");
         }
-        coupled.grains.as_ref().expect("grains").particles.position.clone()
+        coupled.grains().expect("grains").particles.position.clone()
     };
     assert_eq!(places(SchemeName::Lagged), places(SchemeName::Henry));
 }
@@ -134,8 +134,8 @@ fn a_step_in_which_grains_fly_is_cut() {
         for _ in 0..count {
             last = coupled.step(time / f64::from(count)).expect("a step").agreement;
         }
-        let particles = &coupled.grains.as_ref().expect("grains").particles;
-        let both = coupled.interaction.as_ref().expect("both");
+        let particles = &coupled.grains().expect("grains").particles;
+        let both = coupled.interaction().expect("both");
         let given = both.force.iter().sum::<Vector<2>>().y * time;
         let gained: f64 = particles.mass.iter().zip(&particles.velocity).map(|(mass, v)| mass * v.y).sum();
         (particles.position.clone(), last.expect("both"), given / gained)
@@ -160,7 +160,7 @@ fn a_step_in_which_grains_fly_is_cut() {
 
 fn step(coupled: &mut Coupled<2>, dt: f64) -> Vector<2> {
     coupled.step(dt).expect("a step");
-    let interaction = coupled.interaction.as_ref().expect("both");
+    let interaction = coupled.interaction().expect("both");
     let lost = (0..interaction.force.len()).map(|i| interaction.load.force(&interaction.at, i));
     lost.sum::<Vector<2>>() * dt
 }
@@ -175,7 +175,7 @@ fn no_momentum_is_lost_over_time() {
     let mut most = 0.0f64;
     for _ in 0..60 {
         lost += step(coupled, dt);
-        let interaction = coupled.interaction.as_ref().expect("both");
+        let interaction = coupled.interaction().expect("both");
         got += interaction.force.iter().sum::<Vector<2>>() * dt;
         scale += interaction.force.iter().map(|force| force.norm()).sum::<f64>() * dt;
         let carried: Vector<2> = interaction.carried.as_ref().expect("carried").impulse.iter().sum();
@@ -196,12 +196,11 @@ fn the_solid_is_where_the_equation_of_mass_had_it() {
     ]);
     let coupled = simulation.coupled_mut();
     coupled.set_scheme(SchemeName::Anchored.build(&Iteration::default()));
-    let (dt, count) = (2e-2, coupled.grains.as_ref().expect("grains").particles.len());
+    let (dt, count) = (2e-2, coupled.grains().expect("grains").particles.len());
     let (mut ahead, mut path, mut late) = (vec![Vector::<2>::zeros(); count], 0.0, 0.0);
     for step in 0..200 {
         coupled.step(dt).expect("a step");
-        let (grains, interaction) =
-            (coupled.grains.as_ref().expect("grains"), coupled.interaction.as_ref().expect("both"));
+        let (grains, interaction) = (coupled.grains().expect("grains"), coupled.interaction().expect("both"));
         let carried = interaction.carried.as_ref().expect("carried");
         for (i, moved) in grains.mean_velocity().iter().enumerate() {
             let by = (interaction.load.expected_in_flux(&interaction.at, i) - moved) * dt;
@@ -231,7 +230,7 @@ fn all_relaxations_lead_to_the_same_step() {
             solves += agreement.solves;
         }
         assert!(solves > 5, "{relaxation:?} had nothing to do");
-        coupled.grains.as_ref().expect("grains").particles.position.clone()
+        coupled.grains().expect("grains").particles.position.clone()
     };
     let reference = solved(Relaxation::IqnIls);
     for relaxation in [Relaxation::Aitken, Relaxation::Constant(1.0), Relaxation::Constant(0.7)] {

@@ -26,7 +26,7 @@ struct Inside {
 }
 
 fn inside(scene: &Scene, system: &Coupled<2>, old: &State<2>, before: &[Vec2]) -> Inside {
-    let (fluid, both) = (system.fluid.as_ref().expect("fluid"), system.interaction.as_ref().expect("both"));
+    let (fluid, both) = (system.fluid().expect("fluid"), system.interaction().expect("both"));
     let (described, dt) = (scene.fluid.as_ref().expect("fluid"), scene.time.step);
     let (mesh, new) = (&fluid.mesh, &fluid.accepted);
     let mesh_velocity = |n: usize| (mesh.points[n] - before[n]) / dt;
@@ -82,12 +82,12 @@ fn inside(scene: &Scene, system: &Coupled<2>, old: &State<2>, before: &[Vec2]) -
 fn closes(path: &str, sets: &[&str]) {
     let (scene, mut simulation) = simulation(path, sets);
     for _ in 0..4 {
-        let fluid = simulation.coupled().fluid.as_ref().expect("fluid");
+        let fluid = simulation.coupled().fluid().expect("fluid");
         let (old, before) = (fluid.accepted.clone(), fluid.mesh.points.clone());
         simulation.step().expect("a step");
         let system = simulation.coupled();
         let inside = inside(&scene, system, &old, &before);
-        let balances = &system.fluid.as_ref().expect("fluid").solution.balances;
+        let balances = &system.fluid().expect("fluid").solution.balances;
         let near = |what: &str, sum: f64, other: f64, terms: f64| {
             assert!((sum - other).abs() < 1e-10 * terms, "{path}: {what} {sum} {other}, terms {terms}");
             assert!(terms > 0.0, "{what}: nothing passes, the test would see nothing");
@@ -127,20 +127,18 @@ fn balances_close_on_a_mesh_that_moves() {
 #[test]
 fn a_force_that_the_fluid_did_not_lose_is_a_momentum_exchange_defect() {
     use voidage_coupling::scheme::Scheme;
-    use voidage_coupling::{Result, StepReport};
+    use voidage_coupling::{Mixture, Result, StepReport};
     struct Cheat(f64);
     impl Scheme<2> for Cheat {
-        fn step(&mut self, coupled: &mut Coupled<2>, dt: f64) -> Result<StepReport> {
+        fn step(&mut self, mixture: &mut Mixture<2>, dt: f64) -> Result<StepReport> {
             let mut report = StepReport::default();
-            coupled.cut_grains(&mut report)?;
-            coupled.evaluate_closures(&mut report);
-            coupled.solve_fluid(dt, &mut report)?;
-            if let Some(both) = &mut coupled.interaction {
-                both.force.iter_mut().for_each(|force| *force *= self.0);
-                both.heat.iter_mut().for_each(|heat| *heat *= self.0);
-            }
-            coupled.move_grains(dt, &mut report);
-            coupled.accept(dt, &mut report);
+            mixture.cut_grains(&mut report)?;
+            mixture.evaluate_closures(&mut report)?;
+            mixture.solve_fluid(dt, &mut report)?;
+            mixture.interaction.force.iter_mut().for_each(|force| *force *= self.0);
+            mixture.interaction.heat.iter_mut().for_each(|heat| *heat *= self.0);
+            mixture.move_grains(dt, &mut report);
+            mixture.accept(dt, &mut report)?;
             Ok(report)
         }
     }
@@ -161,14 +159,14 @@ fn a_force_that_the_fluid_did_not_lose_is_a_momentum_exchange_defect() {
 fn a_grain_that_the_boundary_cuts_is_a_solid_volume_defect() {
     let (scene, mut simulation) = simulation("tests/python/scenes/moving-mesh.toml", &[]);
     let top = 0.08;
-    let grains = simulation.coupled_mut().grains.as_mut().expect("grains");
+    let grains = simulation.coupled_mut().grains_mut().expect("grains");
     let count = grains.particles.len() as f64;
     grains.particles.position[0].y = top;
     grains.particles.velocity[0].y = 0.0;
     let report = simulation.step().expect("a step");
     let defect = report.solid_volume_defect.expect("both");
     assert!((defect - 0.5 / count).abs() < 1e-12, "{defect}, half of one in {count}");
-    let both = simulation.coupled().interaction.as_ref().expect("both");
+    let both = simulation.coupled().interaction().expect("both");
     let whole = both.load.volume[1];
     assert!((both.load.volume[0] / whole - 0.5).abs() < 1e-12);
     drop(scene);

@@ -5,7 +5,7 @@ use voidage::models::{FluidSet, SlipBox, Vec2, grains, grid, hot_grains, one_per
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::load::Law;
 use voidage_coupling::scheme::{Scheme, SchemeName};
-use voidage_coupling::{Coupled, HEAT, Result, StepReport, TEMPERATURE};
+use voidage_coupling::{Coupled, HEAT, Mixture, Result, StepReport, TEMPERATURE};
 use voidage_dem::{Conduction, Material, Settings};
 use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::transport::{Form, Scalar};
@@ -32,7 +32,7 @@ fn speed_at(time: f64, dt: f64) -> f64 {
     for _ in 0..(time / dt).round() as usize {
         system.step(dt).expect("a step");
     }
-    -system.grains.expect("grains").particles.velocity[0].y
+    -system.grains().expect("grains").particles.velocity[0].y
 }
 
 /// d 2.5 mm, 1100 in 1000 kg/m3, nu 1e-6, from rest: first order in dt, so that extrapolation meets the exact
@@ -57,11 +57,11 @@ fn terminal_velocities_are_those_of_dallavalle() {
         let dt = 0.02 * diameter / exact;
         for _ in 0..1200 {
             system.step(dt).expect("a step");
-            let grains = system.grains.as_mut().expect("grains");
+            let grains = system.grains_mut().expect("grains");
             // Held in place, so that the box may be small: the fluid does not feel it anyway.
             grains.particles.position[0].y = 36.0 * diameter;
         }
-        let speed = -system.grains.expect("grains").particles.velocity[0].y;
+        let speed = -system.grains().expect("grains").particles.velocity[0].y;
         assert_relative_eq!(speed, exact, max_relative = 6e-4);
     }
 }
@@ -123,8 +123,8 @@ fn heat_box(scheme: SchemeName, conduction: Option<Conduction>) -> (Coupled<2>, 
 }
 
 fn temperatures(system: &mut Coupled<2>) -> (Vec<f64>, Vec<f64>) {
-    let fields = &system.fluid.as_ref().expect("fluid").accepted;
-    let grains = system.grains.as_ref().expect("grains");
+    let fields = &system.fluid().expect("fluid").accepted;
+    let grains = system.grains().expect("grains");
     (fields.scalar(HEAT).to_vec(), grains.particles.heat.as_ref().expect("heat").temperature.clone())
 }
 
@@ -152,34 +152,32 @@ fn temperature_difference_decays_by_the_exact_factor_of_each_scheme() {
 #[test]
 fn the_energy_of_a_closed_system_is_constant() {
     let (mut system, _, _) = heat_box(SchemeName::Explicit, Some(Conduction::Henry));
-    let grains = system.grains.as_mut().expect("grains");
+    let grains = system.grains_mut().expect("grains");
     if let Some(heat) = &mut grains.particles.heat {
         heat.temperature.iter_mut().enumerate().for_each(|(i, t)| *t += 13.0 * ((i * 7) % 5) as f64);
     }
     let energy = |system: &mut Coupled<2>| {
         let (fluid, grains) = temperatures(system);
-        let interaction = system.interaction.as_ref().expect("both");
-        let volume = &system.fluid.as_ref().expect("fluid").nodal_volume;
-        let capacity =
-            &system.grains.as_ref().expect("grains").particles.heat.as_ref().expect("heat").capacity;
+        let interaction = system.interaction().expect("both");
+        let volume = &system.fluid().expect("fluid").nodal_volume;
+        let capacity = &system.grains().expect("grains").particles.heat.as_ref().expect("heat").capacity;
         let gas: f64 =
             (0..fluid.len()).map(|a| interaction.load.voidage[a] * volume[a] * 3000.0 * fluid[a]).sum();
         gas + grains.iter().zip(capacity).map(|(t, c)| t * c).sum::<f64>()
     };
     // Grains that overlap and approach each other carry force and conduct; then they are put back, so that the voidage stays and
     // nothing flows (the explicit scheme does not foresee contacts).
-    let places = system.grains.as_ref().expect("grains").particles.position.clone();
+    let places = system.grains().expect("grains").particles.position.clone();
     system.step(1e-6).expect("a step");
     let before = energy(&mut system);
     let mut conducted = 0.0;
     for _ in 0..20 {
-        let grains = system.grains.as_mut().expect("grains");
+        let grains = system.grains_mut().expect("grains");
         grains.particles.position.copy_from_slice(&places);
         let velocities = grains.particles.velocity.iter_mut().zip(&places);
         velocities.for_each(|(v, x)| *v = x * -1e-12);
         system.step(0.5).expect("a step");
-        conducted +=
-            system.grains.as_ref().expect("grains").contact_heat().iter().map(|q| q.abs()).sum::<f64>();
+        conducted += system.grains().expect("grains").contact_heat().iter().map(|q| q.abs()).sum::<f64>();
     }
     assert!(conducted > 0.0, "no contact conducted: the test tests nothing");
     assert_relative_eq!(energy(&mut system), before, max_relative = 1e-10);
@@ -209,7 +207,7 @@ fn a_grain_cools_in_a_stream_as_ranz_and_marshall_say() {
     let mut system = set
         .with_grains(set.build(mesh, start).unwrap(), grain, set.laws(Some(thermal)), SchemeName::Henry)
         .unwrap();
-    if let Some(interaction) = &mut system.interaction {
+    if let Some(interaction) = system.interaction_mut() {
         interaction.at.velocity[0] = wind;
     }
     let (dt, steps) = (1e-3, 500);
@@ -240,13 +238,13 @@ fn a_liquid_at_rest_between_held_grains_stays_at_rest() {
     for _ in 0..5 {
         system.step(1e-2).expect("a step");
     }
-    let fluid = system.fluid.as_mut().expect("fluid");
+    let fluid = system.fluid_mut().expect("fluid");
     let fields = &fluid.accepted;
     for (x, (u, p)) in fluid.mesh.points.iter().zip(fields.velocity.iter().zip(&fields.pressure)) {
         assert!(u.norm() < 1e-9, "{u} at {x}");
         assert_relative_eq!(*p, 1000.0 * GRAVITY * (0.1 - x.y), epsilon = 1e-5);
     }
-    let force: Vec2 = system.interaction.expect("both").force.iter().sum();
+    let force: Vec2 = system.interaction().expect("both").force.iter().sum();
     let volume = std::f64::consts::PI * 0.008 * 0.008 * 25.0;
     assert_relative_eq!(force.y, 1000.0 * GRAVITY * volume, max_relative = 1e-9);
 }
@@ -278,7 +276,7 @@ fn the_pressure_drop_of_a_held_homogeneous_bed_is_that_of_its_drag_law() {
     let around =
         Surroundings { slip, voidage: 1.0 - phi, diameter: 2.0 * radius, density: rho, viscosity: eta };
     let exact = phi * laws.drag.coefficient(&around, VoidageFunction::None) * slip / (1.0 - phi);
-    let fluid = system.fluid.as_mut().expect("fluid");
+    let fluid = system.fluid_mut().expect("fluid");
     let fields = &fluid.accepted;
     let mean = |y: f64| {
         let at: Vec<f64> = (0..fluid.mesh.points.len())
@@ -294,11 +292,11 @@ fn the_pressure_drop_of_a_held_homogeneous_bed_is_that_of_its_drag_law() {
 struct HeldAnchored(f64);
 
 impl Scheme<2> for HeldAnchored {
-    fn step(&mut self, coupled: &mut Coupled<2>, dt: f64) -> Result<StepReport> {
+    fn step(&mut self, mixture: &mut Mixture<2>, dt: f64) -> Result<StepReport> {
         let mut report = StepReport::default();
-        coupled.cut_grains(&mut report)?;
-        coupled.evaluate_closures(&mut report);
-        let both = coupled.interaction.as_mut().expect("both");
+        mixture.cut_grains(&mut report)?;
+        mixture.evaluate_closures(&mut report)?;
+        let both = &mut mixture.interaction;
         let load = &mut both.load;
         let count = load.drag.len();
         load.mobility = vec![0.0; count];
@@ -307,8 +305,8 @@ impl Scheme<2> for HeldAnchored {
         let at = |i: usize| -load.push(&both.at, i) * mobility[i];
         let velocity = (0..count).map(at).collect();
         load.continuity = Some(Law { mobility, velocity });
-        coupled.solve_fluid(dt, &mut report)?;
-        coupled.accept(dt, &mut report);
+        mixture.solve_fluid(dt, &mut report)?;
+        mixture.accept(dt, &mut report)?;
         Ok(report)
     }
 }
@@ -338,7 +336,7 @@ fn the_pressure_drop_does_not_depend_on_the_mobility_of_the_solid_flux() {
         for _ in 0..200 {
             system.step(0.1).expect("a step");
         }
-        let both = system.interaction.expect("both");
+        let both = system.interaction().expect("both");
         (0..20).map(|i| both.load.force(&both.at, i).y).sum::<f64>()
     };
     let (held, anchored) = (drop(0.0), drop(0.1));

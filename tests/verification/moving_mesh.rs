@@ -11,7 +11,7 @@ use voidage_coupling::overlap::{self, Overlap};
 use voidage_coupling::renewal::{Remesh, Renewal};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
-use voidage_coupling::{Coupled, HEAT, Scene, Simulation, TEMPERATURE};
+use voidage_coupling::{Coupled, HEAT, Scene, Simulation, System, TEMPERATURE};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::State;
 use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
@@ -292,11 +292,11 @@ fn swinging_bed(sets: &[&str]) -> Scene {
 fn a_scene_swings_its_mesh() {
     let scene = swinging_bed(&[]);
     let mut bed = Simulation::new(&scene).expect("a valid scene");
-    let rest = bed.coupled().fluid.as_ref().expect("a fluid").mesh.points.clone();
+    let rest = bed.coupled().fluid().expect("a fluid").mesh.points.clone();
     for _ in 0..7 {
         bed.step().expect("a step");
     }
-    let mesh = &bed.coupled().fluid.as_ref().expect("a fluid").mesh;
+    let mesh = &bed.coupled().fluid().expect("a fluid").mesh;
     let motion = scene.fluid.as_ref().and_then(|fluid| fluid.mesh_motion.as_ref()).expect("a motion");
     let sine = (2.0 * PI * motion.frequency * bed.time()).sin();
     let rod = mesh.boundary("rod").expect("a rod").clone();
@@ -324,7 +324,7 @@ fn meshes_made_anew_follow_what_one_mesh_cannot() {
     let scene = swinging_bed(&[wide, "fluid.mesh_motion.remesh.angle=20.0"]);
     let mut bed = Simulation::new(&scene).expect("a valid scene");
     let rod = |bed: &Simulation| {
-        let mesh = &bed.coupled().fluid.as_ref().expect("a fluid").mesh;
+        let mesh = &bed.coupled().fluid().expect("a fluid").mesh;
         let nodes = &mesh.boundary("rod").expect("a rod").facets;
         nodes.iter().map(|node| mesh.points[*node as usize]).sum::<Vec2>() / nodes.len() as f64
     };
@@ -334,7 +334,7 @@ fn meshes_made_anew_follow_what_one_mesh_cannot() {
         let sine = (2.0 * PI * 20.0 * bed.time()).sin();
         assert!((rod(&bed) - rest - Vec2::new(1.5e-2 * sine, 0.0)).norm() < 1e-14);
     }
-    let mesh = &bed.coupled().fluid.as_ref().expect("a fluid").mesh;
+    let mesh = &bed.coupled().fluid().expect("a fluid").mesh;
     assert!(mesh.quality().smallest_angle > 20.0, "{:?}", mesh.quality());
     let totals = bed.totals();
     assert!(totals.remeshings > 2, "{}", totals.remeshings);
@@ -353,12 +353,13 @@ fn a_uniform_stream_stays_uniform_when_the_mesh_is_made_anew() {
     fluid.renewal = Some(Renewal::new(&fluid.mesh, Remesh { every: 2, angle: 0.0 }));
     fluid.motion = Some(swing);
     let first = fluid.mesh.clone();
-    let mut flow = Coupled::new(None, Some(fluid), None, SchemeName::Henry.build(&Iteration::default()));
+    let scheme = SchemeName::Henry.build(&Iteration::default());
+    let mut flow = Coupled::new(System::Fluid(fluid), scheme);
     for step in 1..=6 {
         let report = flow.step(0.05).expect("a step");
         assert_eq!(report.renewed, step % 2 == 0);
     }
-    let fluid = flow.fluid.as_mut().expect("a fluid");
+    let fluid = flow.fluid_mut().expect("a fluid");
     assert_ne!(first.cells, fluid.mesh.cells);
     assert_in_the_stream(&fluid.accepted);
 }

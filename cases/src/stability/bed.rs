@@ -226,7 +226,7 @@ impl Bed {
     ) -> Result<[f64; 2]> {
         let mut held = self.system((particles, material), speed, SchemeName::default(), (true, TOLERANCE))?;
         let law = self.last(&mut held, step, (steps, 1))?.push;
-        let forces = held.interaction.map(|both| both.force).unwrap_or_default();
+        let forces = held.interaction().map(|both| both.force.clone()).unwrap_or_default();
         let mut downwards: Vec<(f64, f64)> = (0..forces.len())
             .map(|i| (particles.position[i].y, particles.mass[i] * self.gravity() - forces[i].y))
             .collect();
@@ -300,7 +300,7 @@ impl Bed {
         let (mut steady, mut push) = (0, f64::NAN);
         for step in 1..=steps {
             let before = upward(system);
-            if let Some(grains) = &system.grains {
+            if let Some(grains) = system.grains() {
                 last.before = grains.particles.clone();
             }
             last.tally.add(&system.step(dt)?);
@@ -309,7 +309,7 @@ impl Bed {
             if kept.len() > window {
                 kept.pop_front();
             }
-            let fastest = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
+            let fastest = system.grains().into_iter().flat_map(|grains| &grains.particles.velocity);
             if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > RUNAWAY {
                 return Err(Error::Run("the grains run away".into()));
             }
@@ -403,7 +403,7 @@ pub(super) struct Last {
 
 /// Upward momentum of grains that are free, kg/s.
 pub(super) fn upward(system: &Coupled<2>) -> f64 {
-    let grains = system.grains.iter().map(|grains| &grains.particles);
+    let grains = system.grains().into_iter().map(|grains| &grains.particles);
     let of = |grains: &Particles<2>| {
         let free = (0..grains.mass.len()).filter(|&i| !grains.held(i));
         free.map(|i| grains.mass[i] * grains.velocity[i].y).sum::<f64>()
@@ -413,5 +413,5 @@ pub(super) fn upward(system: &Coupled<2>) -> f64 {
 
 /// Upward force of the fluid on the grains in the last step, N per metre of depth.
 pub(super) fn pushed(system: &Coupled<2>) -> f64 {
-    system.interaction.iter().flat_map(|both| &both.force).map(|force| force.y).sum()
+    system.interaction().into_iter().flat_map(|both| &both.force).map(|force| force.y).sum()
 }

@@ -165,7 +165,7 @@ impl Stay {
 }
 
 fn stay(system: &mut Coupled<2>, speed: f64, (dt, steps): (f64, usize), tally: &mut Tally) -> Result<Stay> {
-    if let Some(fluid) = &mut system.fluid {
+    if let Some(fluid) = system.fluid_mut() {
         for condition in fluid.conditions.iter_mut().filter(|condition| condition.boundary == "bottom") {
             condition.flow = FlowCondition::SuperficialVelocity(Prescribed::Uniform(Vec2::new(0.0, speed)));
         }
@@ -173,11 +173,11 @@ fn stay(system: &mut Coupled<2>, speed: f64, (dt, steps): (f64, usize), tally: &
     let mut stay = Stay::default();
     for step in 1..=steps {
         let before = upward(system);
-        if let (Some(grains), true) = (&system.grains, step == steps) {
+        if let (Some(grains), true) = (system.grains(), step == steps) {
             stay.before = grains.particles.clone();
         }
         tally.add(&system.step(dt)?);
-        let velocities = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
+        let velocities = system.grains().into_iter().flat_map(|grains| &grains.particles.velocity);
         stay.fastest = velocities.fold(0.0, |most: f64, v| most.max(v.norm()));
         // Much faster than anything in a bed that is barely fluidised.
         if stay.fastest > 100.0 * speed {

@@ -58,13 +58,13 @@ fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Res
     let dt = step * LIQUID.solid / LIQUID.drag(speed, lying.voidage);
     let mut system = LIQUID.system((&lying.particles, &lying.material), speed, scheme, (false, 1e-6))?;
     let element = LIQUID.diameter;
-    if let Some(fluid) = &mut system.fluid {
+    if let Some(fluid) = system.fluid_mut() {
         // The largest motion of a step is 2 A sin(pi f dt).
         let frequency = (0.5 * motion / AMPLITUDE).asin() / (std::f64::consts::PI * dt);
         let amplitude = Vec2::new(0.6, 0.8) * (AMPLITUDE * element);
         fluid.motion = Some(Swing::new(&fluid.mesh, amplitude, frequency, None)?);
     }
-    let mut renewal = match (&system.fluid, remesh) {
+    let mut renewal = match (system.fluid(), remesh) {
         (Some(fluid), Some(every)) => Some(Renewal::new(&fluid.mesh, Remesh { every, ..Remesh::default() })),
         _ => None,
     };
@@ -84,7 +84,7 @@ fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Res
             return Ok(Sample::new(Verdict::Failed, drift, 0.0, tally));
         }
         swap_renewal(&mut system, &mut renewal);
-        let fastest = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
+        let fastest = system.grains().into_iter().flat_map(|grains| &grains.particles.velocity);
         if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > 100.0 * speed {
             return Ok(Sample::new(Verdict::Unstable, drift, 0.0, tally));
         }
@@ -93,14 +93,14 @@ fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Res
 }
 
 fn swap_renewal(system: &mut Coupled<2>, renewal: &mut Option<Renewal<2>>) {
-    if let Some(fluid) = &mut system.fluid {
+    if let Some(fluid) = system.fluid_mut() {
         std::mem::swap(&mut fluid.renewal, renewal);
     }
 }
 
 /// Volume per time and depth that leaves through a boundary in the last step, m2/s.
 pub(super) fn outflow(system: &Coupled<2>, boundary: &str) -> f64 {
-    let Some(fluid) = &system.fluid else { return f64::NAN };
+    let Some(fluid) = system.fluid() else { return f64::NAN };
     let part = fluid.conditions.iter().position(|condition| condition.boundary == boundary);
     part.and_then(|part| fluid.solution.balances.get(part)).map_or(f64::NAN, |balance| balance.flux)
 }

@@ -301,11 +301,11 @@ fn half_wave(mixture: Mixture, b: f64, scheme: SchemeName, count: usize) -> Resu
         v.x = creep * shape;
     }
     let mut system = set.with_grains(set.build(mesh, start)?, dem, set.laws(None), scheme)?;
-    if let Some(interaction) = &mut system.interaction {
+    if let Some(interaction) = system.interaction_mut() {
         interaction.at.velocity = weight.iter().map(|shape| Vec2::new(back * shape, 0.0)).collect();
     }
     let mode = |system: &Coupled<2>| {
-        let velocity = system.grains.iter().flat_map(|grains| &grains.particles.velocity);
+        let velocity = system.grains().into_iter().flat_map(|grains| &grains.particles.velocity);
         velocity.zip(&weight).map(|(v, s)| v.x * s).sum::<f64>()
     };
     let (dt, (p, q)) = (mixture.step(&set, b), mixture.recursion(scheme, b));
@@ -375,7 +375,7 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
         false => vec![Vec2::zeros(); dem.particles.len()],
     };
     let mut system = set.with_grains(set.build(mesh, start)?, dem, set.laws(None), scheme)?;
-    if let Some(interaction) = &mut system.interaction {
+    if let Some(interaction) = system.interaction_mut() {
         interaction.at.velocity = at;
     }
     let (p, q) = match held {
@@ -406,10 +406,10 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
 /// Angular velocity of the fluid at a node of the rim, relative to that of one grain unless they are held.
 fn relative_turn(system: &mut Coupled<2>, held: bool) -> Result<f64> {
     let mut turn = 0.0;
-    if let Some(fluid) = &mut system.fluid {
+    if let Some(fluid) = system.fluid_mut() {
         turn = fluid.accepted.velocity[1].y;
     }
-    if let (Some(grains), false) = (&system.grains, held) {
+    if let (Some(grains), false) = (system.grains(), held) {
         let (x, v) = (grains.particles.position[10], grains.particles.velocity[10]);
         turn -= (x.x * v.y - x.y * v.x) / x.norm_squared();
     }
@@ -447,7 +447,7 @@ fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     let dt = b * 7.0 * own / transfer;
     let laws = set.laws(Some(thermal));
     let mut system = set.with_grains(set.build(mesh, start)?, dem, laws, scheme)?;
-    if let Some(interaction) = &mut system.interaction {
+    if let Some(interaction) = system.interaction_mut() {
         interaction.at.temperature.fill(20.0);
     }
     let factor = heat_factor(ratio, scheme, b);
@@ -467,8 +467,8 @@ fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
 
 /// Of fluid and grains, K.
 fn temperature_difference(system: &mut Coupled<2>) -> Result<f64> {
-    let Some(fluid) = &system.fluid else { return Ok(f64::NAN) };
+    let Some(fluid) = system.fluid() else { return Ok(f64::NAN) };
     let gas = fluid.accepted.scalar(HEAT).get(5).copied().unwrap_or(f64::NAN);
-    let heat = system.grains.as_ref().and_then(|grains| grains.particles.heat.as_ref());
+    let heat = system.grains().and_then(|grains| grains.particles.heat.as_ref());
     Ok(gas - heat.map_or(f64::NAN, |heat| heat.temperature[3]))
 }

@@ -238,7 +238,7 @@ impl Suspension {
             tally: Tally::default(),
         };
         let places = |system: &Coupled<2>| {
-            system.grains.as_ref().map_or_else(Vec::new, |grains| grains.particles.position.clone())
+            system.grains().map_or_else(Vec::new, |grains| grains.particles.position.clone())
         };
         let (mut moved, mut before) = (0.0, places(&system));
         loop {
@@ -271,8 +271,8 @@ impl Suspension {
                 break;
             }
         }
-        let grains = system.grains.ok_or_else(|| Error::Run("no grains".into()))?;
-        end.particles = grains.particles;
+        let grains = system.grains().ok_or_else(|| Error::Run("no grains".into()))?;
+        end.particles = grains.particles.clone();
         let places = &end.particles.position;
         end.height = places.iter().map(|x| x.y).sum::<f64>() / places.len() as f64;
         Ok(end)

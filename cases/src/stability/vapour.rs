@@ -119,13 +119,13 @@ impl Worst {
             let beyond = temperature.iter().map(|t| (BOILING - t).max(t - HOT) / (HOT - BOILING));
             self.beyond[k] = beyond.fold(self.beyond[k], f64::max);
         };
-        if let Some(grains) = &system.grains {
+        if let Some(grains) = system.grains() {
             grains.particles.heat.iter().for_each(|heat| raise(0, &heat.temperature));
             let speeds = grains.particles.velocity.iter().map(|v| v.norm());
             self.speed =
                 speeds.fold(self.speed, |most, v| if v.is_finite() { most.max(v) } else { f64::INFINITY });
         }
-        if let Some(fluid) = &mut system.fluid {
+        if let Some(fluid) = system.fluid_mut() {
             raise(1, fluid.accepted.scalar(HEAT));
         }
         Ok(())
@@ -183,7 +183,7 @@ fn system(speed: f64, scheme: SchemeName) -> Result<Coupled<2>> {
     let (start, laws) = (set.rest(&mesh, HOT), set.laws(Some(thermal)));
     let grains = grains(&mesh)?;
     let mut system = set.with_grains(set.build(mesh, start)?, grains, laws, scheme)?;
-    if let Some(interaction) = &mut system.interaction {
+    if let Some(interaction) = system.interaction_mut() {
         interaction.at.temperature.fill(HOT);
     }
     Ok(system)

@@ -183,7 +183,7 @@ fn of_scene(file: &Path, task: &Task) -> Result<Answer> {
     let totals = simulation.totals();
     let cost = &mut measured.cost;
     cost.steps = last;
-    cost.fluid_solves = totals.fluid_solves.or(simulation.coupled().fluid.as_ref().map(|_| last));
+    cost.fluid_solves = totals.fluid_solves.or(simulation.coupled().fluid().map(|_| last));
     cost.unconverged_steps = totals.unconverged.steps;
     cost.phases = totals.phases.named().map(|(name, seconds)| (name.to_owned(), seconds)).into();
     // A solver in another process ends with the simulation.

@@ -5,7 +5,8 @@ use crate::scheme::System;
 use crate::simulation::Simulation;
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use voidage_coupling::{Coupled, Result, StepReport};
+use voidage_coupling::{Coupled, Fluid, Interaction, Mixture, Result, StepReport};
+use voidage_dem::Dem;
 use voidage_fluid::Vector;
 
 /// Which columns a mapping shows.
@@ -37,6 +38,51 @@ pub struct Columns {
     pub owner: Owner,
     /// Which ones.
     pub group: Group,
+}
+
+/// What columns are columns of.
+pub enum Subject<'a> {
+    /// A simulation between two steps.
+    Coupled(&'a mut Coupled<2>),
+    /// Grains in a fluid during a step.
+    Mixture(&'a mut Mixture<2>),
+}
+
+impl Subject<'_> {
+    fn grains(&self) -> Option<&Dem<2>> {
+        match self {
+            Self::Coupled(coupled) => coupled.grains(),
+            Self::Mixture(mixture) => Some(&mixture.grains),
+        }
+    }
+
+    fn grains_mut(&mut self) -> Option<&mut Dem<2>> {
+        match self {
+            Self::Coupled(coupled) => coupled.grains_mut(),
+            Self::Mixture(mixture) => Some(&mut mixture.grains),
+        }
+    }
+
+    fn fluid(&self) -> Option<&Fluid<2>> {
+        match self {
+            Self::Coupled(coupled) => coupled.fluid(),
+            Self::Mixture(mixture) => Some(&mixture.fluid),
+        }
+    }
+
+    fn mixture(&mut self) -> Option<&mut Mixture<2>> {
+        match self {
+            Self::Coupled(coupled) => coupled.mixture_mut(),
+            Self::Mixture(mixture) => Some(mixture),
+        }
+    }
+
+    fn interaction(&self) -> Option<&Interaction<2>> {
+        match self {
+            Self::Coupled(coupled) => coupled.interaction(),
+            Self::Mixture(mixture) => Some(&mixture.interaction),
+        }
+    }
 }
 
 /// A column that can be written.
@@ -80,32 +126,32 @@ impl Group {
     }
 
     /// The names of the columns that are there.
-    fn there(self, coupled: &mut Coupled<2>) -> Result<Vec<String>> {
+    fn there(self, subject: &mut Subject<'_>) -> Result<Vec<String>> {
         let mut there = Vec::new();
         for name in self.names() {
-            if self.read(coupled, name)?.is_some() {
+            if self.read(subject, name)?.is_some() {
                 there.push((*name).to_owned());
             }
         }
         if self == Group::Fluid {
-            there.extend(coupled.fluid.iter().flat_map(|fluid| fluid.scalars.clone()));
+            there.extend(subject.fluid().into_iter().flat_map(|fluid| fluid.scalars.clone()));
         }
         Ok(there)
     }
 
-    fn read(self, coupled: &mut Coupled<2>, name: &str) -> Result<Option<Column>> {
+    fn read(self, subject: &mut Subject<'_>, name: &str) -> Result<Option<Column>> {
         match self {
-            Group::Grains => Ok(grains(coupled, name)),
-            Group::Load => Ok(load(coupled, name)),
-            Group::AtGrains => Ok(at_grains(coupled, name)),
-            Group::Fluid => fluid(coupled, name),
+            Group::Grains => Ok(grains(subject, name)),
+            Group::Load => Ok(load(subject, name)),
+            Group::AtGrains => Ok(at_grains(subject, name)),
+            Group::Fluid => fluid(subject, name),
         }
     }
 
-    fn target<'a>(self, coupled: &'a mut Coupled<2>, name: &str) -> Option<Target<'a>> {
+    fn target<'a>(self, subject: &'a mut Subject<'_>, name: &str) -> Option<Target<'a>> {
         match self {
             Group::Grains => {
-                let particles = &mut coupled.grains.as_mut()?.particles;
+                let particles = &mut subject.grains_mut()?.particles;
                 match name {
                     "position" => Some(Target::Vectors(&mut particles.position)),
                     "velocity" => Some(Target::Vectors(&mut particles.velocity)),
@@ -115,7 +161,7 @@ impl Group {
                 }
             }
             Group::Load => {
-                let load = &mut coupled.interaction.as_mut()?.load;
+                let load = &mut subject.mixture()?.interaction.load;
                 match name {
                     "drag" => Some(Target::Scalars(&mut load.drag)),
                     "mobility" => Some(Target::Scalars(&mut load.mobility)),
@@ -133,9 +179,9 @@ impl Group {
     }
 }
 
-fn grains(coupled: &Coupled<2>, name: &str) -> Option<Column> {
-    let grains = coupled.grains.as_ref()?;
-    let (particles, interaction) = (&grains.particles, coupled.interaction.as_ref());
+fn grains(subject: &Subject<'_>, name: &str) -> Option<Column> {
+    let grains = subject.grains()?;
+    let (particles, interaction) = (&grains.particles, subject.interaction());
     let (rotation, heat) = (particles.rotation.as_ref(), particles.heat.as_ref());
     Some(match name {
         "position" => particles.position.as_slice().into(),
@@ -155,8 +201,8 @@ fn grains(coupled: &Coupled<2>, name: &str) -> Option<Column> {
     })
 }
 
-fn load(coupled: &Coupled<2>, name: &str) -> Option<Column> {
-    let load = &coupled.interaction.as_ref()?.load;
+fn load(subject: &Subject<'_>, name: &str) -> Option<Column> {
+    let load = &subject.interaction()?.load;
     let heat = load.heat.as_ref();
     Some(match name {
         "volume" => load.volume.as_slice().into(),
@@ -172,8 +218,8 @@ fn load(coupled: &Coupled<2>, name: &str) -> Option<Column> {
     })
 }
 
-fn at_grains(coupled: &Coupled<2>, name: &str) -> Option<Column> {
-    let interaction = coupled.interaction.as_ref()?;
+fn at_grains(subject: &Subject<'_>, name: &str) -> Option<Column> {
+    let interaction = subject.interaction()?;
     let at = &interaction.at;
     Some(match name {
         "velocity" => at.velocity.as_slice().into(),
@@ -186,16 +232,14 @@ fn at_grains(coupled: &Coupled<2>, name: &str) -> Option<Column> {
     })
 }
 
-fn fluid(coupled: &mut Coupled<2>, name: &str) -> Result<Option<Column>> {
+fn fluid(subject: &mut Subject<'_>, name: &str) -> Result<Option<Column>> {
     if name == "voidage" {
         // Where the grains are now, and not where they were in the last step.
-        coupled.cut_grains(&mut StepReport::default())?;
-        return Ok(coupled
-            .interaction
-            .as_ref()
-            .map(|interaction| interaction.load.voidage.as_slice().into()));
+        let Some(mixture) = subject.mixture() else { return Ok(None) };
+        mixture.cut_grains(&mut StepReport::default())?;
+        return Ok(Some(mixture.interaction.load.voidage.as_slice().into()));
     }
-    let Some(fluid) = &coupled.fluid else { return Ok(None) };
+    let Some(fluid) = subject.fluid() else { return Ok(None) };
     Ok(match name {
         "velocity" => Some(fluid.accepted.velocity.as_slice().into()),
         "pressure" => Some(fluid.accepted.pressure.as_slice().into()),
@@ -210,11 +254,15 @@ impl Columns {
     fn with<R: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&mut Coupled<2>) -> Result<R> + Send,
+        work: impl FnOnce(&mut Subject<'_>) -> Result<R> + Send,
     ) -> PyResult<R> {
         match &self.owner {
-            Owner::Simulation(simulation) => Simulation::with(simulation.bind(py), work),
-            Owner::System(system) => system.get().with(py, |held| work(&mut held.coupled)),
+            Owner::Simulation(simulation) => {
+                Simulation::with(simulation.bind(py), |coupled| work(&mut Subject::Coupled(coupled)))
+            }
+            Owner::System(system) => {
+                system.get().with(py, |held| work(&mut Subject::Mixture(&mut held.mixture)))
+            }
         }
     }
 
@@ -223,7 +271,7 @@ impl Columns {
         if self.group != Group::Fluid && !self.group.names().contains(&name) {
             return Ok(None);
         }
-        self.with(py, |coupled| self.group.read(coupled, name))
+        self.with(py, |subject| self.group.read(subject, name))
     }
 
     fn missing(&self, py: Python<'_>, name: &str) -> PyErr {
@@ -240,7 +288,7 @@ impl Columns {
 impl Columns {
     /// Names of the columns that the scene has.
     fn keys(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        self.with(py, |coupled| self.group.there(coupled))
+        self.with(py, |subject| self.group.there(subject))
     }
 
     fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
@@ -251,8 +299,8 @@ impl Columns {
         let Some(old) = self.column(py, name)? else { return Err(self.missing(py, name)) };
         let rows = old.numbers.len() / old.width;
         let numbers = finite_numbers(value, name, Some(rows), old.width)?;
-        let written = self.with(py, |coupled| {
-            let target = self.group.target(coupled, name);
+        let written = self.with(py, |subject| {
+            let target = self.group.target(subject, name);
             Ok(target.map(|target| match target {
                 Target::Scalars(to) => to.copy_from_slice(&numbers),
                 Target::Vectors(to) => to.copy_from_slice(&vectors(&numbers)),

@@ -3,13 +3,13 @@
 use crate::arrays::{Column, finite_numbers, vectors};
 use crate::columns::{Columns, Group, Owner};
 use crate::errors::Raised;
-use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError, TryLockError};
 use voidage_coupling::load::Law;
 use voidage_coupling::scheme::Scheme;
 use voidage_coupling::scheme::anchored::Push;
-use voidage_coupling::{Coupled, Error, Result, StepReport};
+use voidage_coupling::{Error, Mixture, Result, StepReport};
 
 /// A scheme that calls an object with a method `step(system, dt)`.
 pub struct PythonScheme {
@@ -31,17 +31,17 @@ impl PythonScheme {
 }
 
 impl Scheme<2> for PythonScheme {
-    fn step(&mut self, coupled: &mut Coupled<2>, dt: f64) -> Result<StepReport> {
+    fn step(&mut self, mixture: &mut Mixture<2>, dt: f64) -> Result<StepReport> {
         Python::attach(|py| {
-            let steps = coupled.steps();
+            let steps = mixture.fluid.clock.steps;
             let system = System { held: Mutex::new(None), raised: self.raised.clone() };
             let system = Bound::new(py, system).map_err(|raised| self.raised.keep(py, raised))?;
             // Python may keep the system: it is lent what it works on, and gives it back.
-            system.get().lend(Held { coupled: std::mem::take(coupled), report: StepReport::default(), dt });
+            system.get().lend(Held { mixture: std::mem::take(mixture), report: StepReport::default(), dt });
             let outcome = self.object.bind(py).call_method1("step", (&system, dt));
-            let report = system.get().give_back(coupled);
+            let report = system.get().give_back(mixture);
             outcome.map_err(|raised| self.raised.keep(py, raised))?;
-            match coupled.steps() - steps {
+            match mixture.fluid.clock.steps - steps {
                 1 => Ok(report),
                 accepted => Err(Error::Run(format!(
                     "the scheme accepted {accepted} solutions in a step\n  help: end `step` with one `system.accept()`"
@@ -53,8 +53,8 @@ impl Scheme<2> for PythonScheme {
 
 /// What a scheme works on, during its step.
 pub struct Held {
-    /// The coupled system.
-    pub coupled: Coupled<2>,
+    /// Grains and fluid.
+    pub mixture: Mixture<2>,
     report: StepReport,
     dt: f64,
 }
@@ -76,10 +76,10 @@ impl System {
         *self.held.lock().unwrap_or_else(PoisonError::into_inner) = Some(held);
     }
 
-    fn give_back(&self, coupled: &mut Coupled<2>) -> StepReport {
+    fn give_back(&self, mixture: &mut Mixture<2>) -> StepReport {
         let held = self.held.lock().unwrap_or_else(PoisonError::into_inner).take();
         held.map_or_else(StepReport::default, |held| {
-            *coupled = held.coupled;
+            *mixture = held.mixture;
             held.report
         })
     }
@@ -112,26 +112,23 @@ impl System {
 impl System {
     /// Cuts the grains by the mesh, and computes the nodal voidage.
     fn cut_grains(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |held| held.coupled.cut_grains(&mut held.report))
+        self.with(py, |held| held.mixture.cut_grains(&mut held.report))
     }
 
     /// Fills `load["drag"]` and `load["heat_coefficient"]` by the laws of the scene, and the voidage at the grains.
     fn evaluate_closures(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |held| {
-            held.coupled.evaluate_closures(&mut held.report);
-            Ok(())
-        })
+        self.with(py, |held| held.mixture.evaluate_closures(&mut held.report))
     }
 
     /// Solves the fluid from its last accepted state: fills `at_grains`, `grains["force"]` and `grains["heat"]`.
     fn solve_fluid(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |held| held.coupled.solve_fluid(held.dt, &mut held.report))
+        self.with(py, |held| held.mixture.solve_fluid(held.dt, &mut held.report))
     }
 
     /// Moves the grains by a step under `grains["force"]` and `grains["heat"]`, contacts included.
     fn move_grains(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |held| {
-            held.coupled.move_grains(held.dt, &mut held.report);
+            held.mixture.move_grains(held.dt, &mut held.report);
             Ok(())
         })
     }
@@ -147,10 +144,9 @@ impl System {
         force: &Bound<'py, PyAny>,
         heat: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
-        let none = || Error::Run("the scene has no grains in a fluid".into());
-        let (count, warm) = self.with(py, |held| match &held.coupled.interaction {
-            Some(interaction) => Ok((interaction.force.len(), interaction.load.heat.is_some())),
-            None => Err(none()),
+        let (count, warm) = self.with(py, |held| {
+            let interaction = &held.mixture.interaction;
+            Ok((interaction.force.len(), interaction.load.heat.is_some()))
         })?;
         let force = vectors(&finite_numbers(force, "force", Some(count), 2)?);
         let heat = match (heat, warm) {
@@ -161,9 +157,8 @@ impl System {
         };
         let push = Push { force, heat };
         let (velocity, temperature) = self.with(py, |held| {
-            held.coupled.push_grains(held.dt, &push, &mut held.report);
-            let grains = held.coupled.grains.as_ref().ok_or_else(none)?;
-            let interaction = held.coupled.interaction.as_mut().ok_or_else(none)?;
+            held.mixture.push_grains(held.dt, &push, &mut held.report)?;
+            let Mixture { grains, interaction, .. } = &mut held.mixture;
             for (i, velocity) in grains.mean_velocity().iter().enumerate() {
                 interaction.force[i] = push.force[i] - velocity * interaction.load.drag[i];
             }
@@ -183,8 +178,7 @@ impl System {
     /// `load["continuity_velocity"]`, at first that of the momentum.
     fn separate_continuity(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |held| {
-            let Some(interaction) = &mut held.coupled.interaction else { return Ok(()) };
-            let load = &mut interaction.load;
+            let load = &mut held.mixture.interaction.load;
             let law = Law { mobility: load.mobility.clone(), velocity: load.velocity.clone() };
             load.continuity = Some(law);
             Ok(())
@@ -193,26 +187,17 @@ impl System {
 
     /// Accepts the last solution of the fluid and moves the clock; the end of a step.
     fn accept(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |held| {
-            held.coupled.accept(held.dt, &mut held.report);
-            Ok(())
-        })
+        self.with(py, |held| held.mixture.accept(held.dt, &mut held.report))
     }
 
     /// The grains as they are now, to come back to.
     fn grain_state(&self, py: Python<'_>) -> PyResult<GrainState> {
-        self.with(py, |held| match &held.coupled.grains {
-            Some(grains) => Ok(GrainState(grains.state())),
-            None => Err(Error::Run("the scene has no grains".into())),
-        })
+        self.with(py, |held| Ok(GrainState(held.mixture.grains.state())))
     }
 
     /// Puts the grains back to a state taken before.
     fn restore_grains(&self, py: Python<'_>, state: &GrainState) -> PyResult<()> {
-        self.with(py, |held| match &mut held.coupled.grains {
-            Some(grains) => Ok(grains.restore(state.0.clone())?),
-            None => Err(Error::Run("the scene has no grains".into())),
-        })
+        self.with(py, |held| Ok(held.mixture.grains.restore(state.0.clone())?))
     }
 
     /// Columns of the grains.
@@ -237,22 +222,20 @@ impl System {
     /// Gravity, m/s2, (D).
     #[getter]
     fn gravity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let gravity = self.with(py, |held| {
-            let grains = held.coupled.grains.as_ref();
-            Ok(grains.map(|grains| Column::from(grains.settings().gravity.as_slice())))
-        })?;
-        gravity.ok_or_else(|| PyRuntimeError::new_err("the scene has no grains"))?.into_array(py)
+        let gravity =
+            self.with(py, |held| Ok(Column::from(held.mixture.grains.settings().gravity.as_slice())))?;
+        gravity.into_array(py)
     }
 
     /// Time at the start of the step, s.
     #[getter]
     fn time(&self, py: Python<'_>) -> PyResult<f64> {
-        self.with(py, |held| Ok(held.coupled.time()))
+        self.with(py, |held| Ok(held.mixture.fluid.clock.time))
     }
 
     /// Steps done before this one.
     #[getter]
     fn steps(&self, py: Python<'_>) -> PyResult<u64> {
-        self.with(py, |held| Ok(held.coupled.steps()))
+        self.with(py, |held| Ok(held.mixture.fluid.clock.steps))
     }
 }

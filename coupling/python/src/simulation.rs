@@ -140,7 +140,7 @@ impl Simulation {
     /// The mesh of the fluid; None without fluid.
     #[getter]
     fn mesh(&mut self, py: Python<'_>) -> PyResult<Option<Mesh>> {
-        self.inner().coupled().fluid.as_ref().map(|fluid| Mesh::new(py, &fluid.mesh)).transpose()
+        self.inner().coupled().fluid().map(|fluid| Mesh::new(py, &fluid.mesh)).transpose()
     }
 
     /// Writes a checkpoint to the file `path`; `Simulation(.., restart=path)` and `voidage run --restart` go on from it
@@ -230,7 +230,7 @@ fn build(
     if let Some(scheme) = scheme {
         coupled.set_scheme(Box::new(scheme));
     }
-    if let (Some(solver), Some(fluid)) = (fluid, &mut coupled.fluid) {
+    if let (Some(solver), Some(fluid)) = (fluid, coupled.fluid_mut()) {
         fluid.backend = Box::new(solver);
         fluid.start()?;
     }

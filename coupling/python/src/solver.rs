@@ -3,7 +3,7 @@
 use crate::arrays::{Column, finite_numbers, integers, vectors};
 use crate::errors::Raised;
 use crate::mesh::Mesh;
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
@@ -206,7 +206,7 @@ impl Expected {
         let scalars = given(&fields, "scalars")?;
         if scalars.len()? != self.scalars {
             let text = format!("the solver returned {} scalars, there are {}", scalars.len()?, self.scalars);
-            return Err(PyTypeError::new_err(text));
+            return Err(PyValueError::new_err(text));
         }
         out.fields.scalars.clear();
         for values in scalars.try_iter()? {

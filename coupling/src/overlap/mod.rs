@@ -25,7 +25,7 @@ const LEAST_SHARE: f64 = 1e-14;
 const UNKNOWN: u32 = u32::MAX;
 
 /// Cuts grains by the cells of a mesh. Keeps its memory from call to call.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Overlap<const D: usize> {
     locator: Locator<D>,
     /// The cell of each grain's centre when last seen. It makes the search short and changes no result.

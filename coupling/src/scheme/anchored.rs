@@ -82,7 +82,7 @@
 //! that diagonal. It does not exceed the true diagonal of the inverse, so T* is a mean of temperatures with positive weights
 //! and stays within their bounds (what is carried, bounded by the tolerance, comes on top); the iteration always contracts.
 
-use crate::{Carried, Coupled, Interaction};
+use crate::{Carried, Interaction, Mixture};
 use voidage_dem::{Bond, Bonds, Dem};
 use voidage_fluid::Vector;
 
@@ -97,8 +97,8 @@ pub struct Push<const D: usize> {
 
 impl<const D: usize> Push<D> {
     /// The push of the fluid at the grains, with the coefficients of the present load.
-    pub fn read(&mut self, coupled: &Coupled<D>) {
-        let Some(Interaction { load, at, .. }) = &coupled.interaction else { return };
+    pub fn read(&mut self, mixture: &Mixture<D>) {
+        let Interaction { load, at, .. } = &mixture.interaction;
         self.force.clear();
         self.force.extend((0..load.drag.len()).map(|i| load.push(at, i)));
         self.heat.clear();
@@ -175,12 +175,12 @@ impl Anchor {
     /// `cautious`, no grain counts as held.
     pub fn fill<const D: usize>(
         &mut self,
-        coupled: &mut Coupled<D>,
+        mixture: &mut Mixture<D>,
         push: &Push<D>,
         times: Times,
         cautious: bool,
     ) {
-        let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else { return };
+        let Mixture { grains, interaction, .. } = mixture;
         grains.bonds(&mut self.bonds);
         let Times { dt, whole, substeps } = times;
         let (particles, response) = (&grains.particles, grains.mean_velocity());

@@ -4,7 +4,7 @@
 //! K < 2 eps (1 - r); of slip without constraint, stable iff B < 2 + A with A = beta dt/(eps rho_f), B = beta dt/(phi rho_p).
 
 use super::{Scheme, once};
-use crate::{Coupled, Interaction, StepReport, error::Result};
+use crate::{Interaction, Mixture, StepReport, error::Result};
 use voidage_dem::Dem;
 use voidage_fluid::Vector;
 
@@ -12,8 +12,8 @@ use voidage_fluid::Vector;
 pub struct Explicit;
 
 impl<const D: usize> Scheme<D> for Explicit {
-    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport> {
-        once(coupled, dt, |grains, interaction| {
+    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
+        once(mixture, dt, |grains, interaction| {
             freeze(grains, &mut interaction.load.mobility, &mut interaction.load.velocity);
             freeze_heat(grains, interaction);
         })

@@ -7,7 +7,7 @@
 //! reach. There A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), beta the drag per volume and slip.
 
 use super::{Scheme, once};
-use crate::{Coupled, Interaction, StepReport, error::Result};
+use crate::{Interaction, Mixture, StepReport, error::Result};
 use voidage_dem::Dem;
 use voidage_fluid::Vector;
 
@@ -18,8 +18,8 @@ pub struct Henry {
 }
 
 impl<const D: usize> Scheme<D> for Henry {
-    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport> {
-        once(coupled, dt, |grains, interaction| predict(grains, interaction, self.contacts, dt))
+    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
+        once(mixture, dt, |grains, interaction| predict(grains, interaction, self.contacts, dt))
     }
 }
 

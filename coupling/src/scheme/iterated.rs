@@ -17,10 +17,10 @@ use super::Scheme;
 use super::anchored::{Anchor, Push, Times};
 use super::relaxation::{Relaxation, Relaxer};
 use crate::agreement::{Comparison, Temperatures};
-use crate::{Agreement, Coupled, Interaction, StepReport, error::Result};
+use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use voidage_dem::{Dem, Vector};
+use voidage_dem::Vector;
 
 /// When and how to iterate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -86,16 +86,10 @@ pub struct Iterated<const D: usize> {
 }
 
 impl<const D: usize> Scheme<D> for Iterated<D> {
-    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport> {
+    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
         let mut report = StepReport::default();
-        if coupled.interaction.is_none() {
-            coupled.solve_fluid(dt, &mut report)?;
-            coupled.move_grains(dt, &mut report);
-            coupled.accept_part(dt, &mut report);
-        } else {
-            self.advance(coupled, dt, &mut report)?;
-        }
-        coupled.end_step();
+        self.advance(mixture, dt, &mut report)?;
+        mixture.end_step();
         Ok(report)
     }
 }
@@ -109,7 +103,7 @@ impl<const D: usize> Iterated<D> {
     }
 
     /// Advances by `dt`, in parts if need be and allowed, and accepts them.
-    fn advance(&mut self, coupled: &mut Coupled<D>, dt: f64, report: &mut StepReport) -> Result<()> {
+    fn advance(&mut self, mixture: &mut Mixture<D>, dt: f64, report: &mut StepReport) -> Result<()> {
         // Counted in parts of the shortest length that there may be.
         let whole = if self.iteration.auto { 1 << HALVINGS } else { 1 };
         let (mut done, mut length, mut spent) = (0, whole, 0);
@@ -117,27 +111,27 @@ impl<const D: usize> Iterated<D> {
         while done < whole {
             let part = dt * f64::from(length) / f64::from(whole);
             if length < whole {
-                coupled.move_mesh(|motion, time, points| motion.advance(time, part, points));
+                mixture.move_mesh(|motion, time, points| motion.advance(time, part, points));
             }
-            let accepted = coupled.interaction.as_ref().filter(|_| length > 1).map(|both| both.at.clone());
-            let agreement = self.solve(coupled, (part, dt), report)?;
+            let accepted = (length > 1).then(|| mixture.interaction.at.clone());
+            let agreement = self.solve(mixture, (part, dt), report)?;
             let near = agreement.travel <= self.iteration.travel;
             if let (false, Some(accepted)) = (agreement.converged && near, accepted) {
-                coupled.grains.iter_mut().for_each(Dem::rewind);
+                mixture.grains.rewind();
                 // The halves start from the last accepted fluid, not from an answer that was none.
-                coupled.interaction.iter_mut().for_each(|both| both.at.clone_from(&accepted));
+                mixture.interaction.at = accepted;
                 spent += agreement.solves;
                 length /= 2;
                 continue;
             }
-            let agreement = self.settle(coupled, part, agreement);
-            if let (true, Some(interaction)) = (length < whole, &coupled.interaction) {
-                mean.add(interaction, f64::from(length) / f64::from(whole));
+            let agreement = self.settle(mixture, part, agreement);
+            if length < whole {
+                mean.add(&mixture.interaction, f64::from(length) / f64::from(whole));
             }
             sum = Some(agreement.after(sum.as_ref(), std::mem::take(&mut spent)));
             // Parts that were not accepted do not count.
             grains = report.grains.map(|now| now.after(grains.as_ref()));
-            coupled.accept_part(part, report);
+            mixture.accept_part(part, report)?;
             done += length;
             // As long again as the parts that are left allow, unless that is known to be too far.
             let mut travel = 2.0 * agreement.travel;
@@ -145,8 +139,8 @@ impl<const D: usize> Iterated<D> {
                 (length, travel) = (2 * length, 2.0 * travel);
             }
         }
-        if let (false, Some(interaction)) = (mean.force.is_empty(), &mut coupled.interaction) {
-            (interaction.force, interaction.heat) = (mean.force, mean.heat);
+        if !mean.force.is_empty() {
+            (mixture.interaction.force, mixture.interaction.heat) = (mean.force, mean.heat);
         }
         (report.agreement, report.grains) = (sum, grains);
         Ok(())
@@ -155,44 +149,42 @@ impl<const D: usize> Iterated<D> {
     /// Solves fluid and grains for `dt`, a part of a step of `whole`; the grains stand at its end.
     fn solve(
         &mut self,
-        coupled: &mut Coupled<D>,
+        mixture: &mut Mixture<D>,
         (dt, whole): (f64, f64),
         report: &mut StepReport,
     ) -> Result<Agreement> {
-        coupled.cut_grains(report)?;
-        coupled.evaluate_closures(report);
-        coupled.grains.iter_mut().for_each(Dem::mark);
-        self.push.read(coupled);
-        rehearse(coupled, dt, &self.push, report);
+        mixture.cut_grains(report)?;
+        mixture.evaluate_closures(report)?;
+        mixture.grains.mark();
+        self.push.read(mixture);
+        rehearse(mixture, dt, &self.push, report)?;
         self.relaxer.restart();
         let (mut cautious, mut last, mut solves) = (false, f64::INFINITY, 0);
         loop {
             solves += 1;
             let substeps = report.grains.map_or(1, |grains| grains.substeps);
-            self.anchor.fill(coupled, &self.push, Times { dt, whole, substeps }, cautious);
-            coupled.solve_fluid(dt, report)?;
-            self.answer.read(coupled);
-            coupled.push_grains(dt, &self.answer, report);
-            let mut agreement = Agreement { solves, ..agreement(coupled, dt, whole) };
+            self.anchor.fill(mixture, &self.push, Times { dt, whole, substeps }, cautious);
+            mixture.solve_fluid(dt, report)?;
+            self.answer.read(mixture);
+            mixture.push_grains(dt, &self.answer, report)?;
+            let mut agreement = Agreement { solves, ..agreement(mixture, dt, whole) };
             let now = agreement.disagreement.max(agreement.heat_disagreement);
             agreement.converged = now <= self.iteration.tolerance;
             if agreement.converged || solves >= self.iteration.most {
                 return Ok(agreement);
             }
-            coupled.grains.iter_mut().for_each(Dem::rewind);
+            mixture.grains.rewind();
             cautious |= now > SLOW * last;
             last = now;
-            if self.relaxer.improve(coupled, dt, &mut self.push, &self.answer) {
-                rehearse(coupled, dt, &self.push, report);
+            if self.relaxer.improve(mixture, dt, &mut self.push, &self.answer) {
+                rehearse(mixture, dt, &self.push, report)?;
             }
         }
     }
 
     /// Books what the grains got, and carries what the fluid did not lose for it and where it had them else.
-    fn settle(&mut self, coupled: &mut Coupled<D>, dt: f64, agreement: Agreement) -> Agreement {
-        let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) else {
-            return agreement;
-        };
+    fn settle(&mut self, mixture: &mut Mixture<D>, dt: f64, agreement: Agreement) -> Agreement {
+        let Mixture { grains, interaction, .. } = mixture;
         let Some(mut carried) = interaction.carried.take() else { return agreement };
         let (push, moved) = (&self.answer, grains.mean_velocity());
         for i in 0..moved.len() {
@@ -218,16 +210,20 @@ impl<const D: usize> Iterated<D> {
 }
 
 /// Moves the grains under a push on trial: only the response is kept.
-fn rehearse<const D: usize>(coupled: &mut Coupled<D>, dt: f64, push: &Push<D>, report: &mut StepReport) {
-    coupled.push_grains(dt, push, report);
-    coupled.grains.iter_mut().for_each(Dem::rewind);
+fn rehearse<const D: usize>(
+    mixture: &mut Mixture<D>,
+    dt: f64,
+    push: &Push<D>,
+    report: &mut StepReport,
+) -> Result<()> {
+    mixture.push_grains(dt, push, report)?;
+    mixture.grains.rewind();
+    Ok(())
 }
 
 /// How far the grains, which have moved by `dt` in a step of `whole`, are from what the fluid expected.
-fn agreement<const D: usize>(coupled: &Coupled<D>, dt: f64, whole: f64) -> Agreement {
-    let (Some(grains), Some(interaction)) = (&coupled.grains, &coupled.interaction) else {
-        return Agreement::default();
-    };
+fn agreement<const D: usize>(mixture: &Mixture<D>, dt: f64, whole: f64) -> Agreement {
+    let Mixture { grains, interaction, .. } = mixture;
     let (load, at) = (&interaction.load, &interaction.at);
     let comparison =
         Comparison { grains, load, density: interaction.laws.density, dt, force: &interaction.force };

@@ -4,14 +4,14 @@
 //! voidage no step is small enough. r = (rho_f/rho_p)(phi/eps), K = beta dt/(eps phi rho_p), beta the drag per volume and slip.
 
 use super::{Scheme, explicit, henry, once};
-use crate::{Coupled, StepReport, error::Result};
+use crate::{Mixture, StepReport, error::Result};
 
 /// The lagged scheme.
 pub struct Lagged;
 
 impl<const D: usize> Scheme<D> for Lagged {
-    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport> {
-        once(coupled, dt, |grains, interaction| {
+    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
+        once(mixture, dt, |grains, interaction| {
             henry::predict(grains, interaction, false, dt);
             let flux = interaction.load.continuity.get_or_insert_default();
             explicit::freeze(grains, &mut flux.mobility, &mut flux.velocity);

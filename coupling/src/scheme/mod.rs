@@ -19,19 +19,19 @@ pub mod iterated;
 pub mod lagged;
 pub mod relaxation;
 
-use crate::agreement::Comparison;
-use crate::{Coupled, Interaction, StepReport, error::Result};
+use crate::agreement::{Agreement, Comparison};
+use crate::{Interaction, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use voidage_dem::Dem;
 
 /// A coupling scheme: one step of grains and fluid together.
 pub trait Scheme<const D: usize>: Send {
-    /// Advances the coupled system by `dt`.
+    /// Advances the mixture by `dt`, with the phases that it has; the mesh is where it is at the end of the step.
     ///
     /// # Errors
     /// The fluid solver failed or a grain left the mesh.
-    fn step(&mut self, coupled: &mut Coupled<D>, dt: f64) -> Result<StepReport>;
+    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport>;
 }
 
 /// Schemes by name.
@@ -86,29 +86,28 @@ impl std::fmt::Display for SchemeName {
 
 /// A step that solves the fluid once, with the law that `predict` fills, and moves the grains by the force of the law.
 fn once<const D: usize>(
-    coupled: &mut Coupled<D>,
+    mixture: &mut Mixture<D>,
     dt: f64,
     predict: impl FnOnce(&Dem<D>, &mut Interaction<D>),
 ) -> Result<StepReport> {
     let mut report = StepReport::default();
-    coupled.cut_grains(&mut report)?;
-    coupled.evaluate_closures(&mut report);
-    if let (Some(grains), Some(interaction)) = (&coupled.grains, &mut coupled.interaction) {
-        // A scheme before this one may have left a law of its own for the solid flux.
-        interaction.load.continuity = None;
-        predict(grains, interaction);
-    }
-    coupled.solve_fluid(dt, &mut report)?;
-    coupled.move_grains(dt, &mut report);
-    if let (Some(grains), Some(interaction)) = (&coupled.grains, &coupled.interaction) {
-        let (load, at) = (&interaction.load, &interaction.at);
-        let comparison =
-            Comparison { grains, load, density: interaction.laws.density, dt, force: &interaction.force };
-        let velocity = &grains.particles.velocity;
-        report.agreement = Some(comparison.motion(|i| {
-            ((load.expected(at, i) - velocity[i]) * load.drag[i], load.expected_in_flux(at, i) - velocity[i])
-        }));
-    }
-    coupled.accept(dt, &mut report);
+    mixture.cut_grains(&mut report)?;
+    mixture.evaluate_closures(&mut report)?;
+    // A scheme before this one may have left a law of its own for the solid flux.
+    mixture.interaction.load.continuity = None;
+    predict(&mixture.grains, &mut mixture.interaction);
+    mixture.solve_fluid(dt, &mut report)?;
+    mixture.move_grains(dt, &mut report);
+    report.agreement = Some(agreement(mixture, dt));
+    mixture.accept(dt, &mut report)?;
     Ok(report)
+}
+
+/// How far grains that moved by the force of the law are from it.
+fn agreement<const D: usize>(mixture: &Mixture<D>, dt: f64) -> Agreement {
+    let (grains, Interaction { load, at, laws, force, .. }) = (&mixture.grains, &mixture.interaction);
+    let velocity = &grains.particles.velocity;
+    Comparison { grains, load, density: laws.density, dt, force }.motion(|i| {
+        ((load.expected(at, i) - velocity[i]) * load.drag[i], load.expected_in_flux(at, i) - velocity[i])
+    })
 }

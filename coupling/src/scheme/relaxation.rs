@@ -4,7 +4,7 @@
 //! Components are weighed by the mobility of the free grain, so that heavy and light grains, forces and heats count alike.
 
 use super::anchored::Push;
-use crate::Coupled;
+use crate::Mixture;
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -54,12 +54,12 @@ impl Relaxer {
     /// Puts the next iterate into `push`. Returns whether it differs from the answer, to which the grains have already responded.
     pub fn improve<const D: usize>(
         &mut self,
-        coupled: &Coupled<D>,
+        mixture: &Mixture<D>,
         dt: f64,
         push: &mut Push<D>,
         answer: &Push<D>,
     ) -> bool {
-        let weight = weights(coupled, dt);
+        let weight = weights(mixture, dt);
         let (x, g) = (gather(push, &weight), gather(answer, &weight));
         let r = &g - &x;
         let next = self.next(x, g, r);
@@ -115,9 +115,8 @@ fn least_squares(columns: &[DVector<f64>], target: &DVector<f64>) -> Option<DVec
 }
 
 /// sqrt of 1 / (m/dt + gamma) by component of force, then of 1 / (C/dt + hA) by grain; zero for held grains.
-fn weights<const D: usize>(coupled: &Coupled<D>, dt: f64) -> Vec<f64> {
-    let (Some(grains), Some(interaction)) = (&coupled.grains, &coupled.interaction) else { return vec![] };
-    let (particles, load) = (&grains.particles, &interaction.load);
+fn weights<const D: usize>(mixture: &Mixture<D>, dt: f64) -> Vec<f64> {
+    let (particles, load) = (&mixture.grains.particles, &mixture.interaction.load);
     let motion = particles.mass.iter().zip(&load.drag);
     let mut weight: Vec<f64> =
         motion.flat_map(|(mass, drag)| std::iter::repeat_n((1.0 / (mass / dt + drag)).sqrt(), D)).collect();

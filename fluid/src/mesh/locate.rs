@@ -22,6 +22,20 @@ pub struct Locator<const D: usize> {
     cells: Vec<u32>,
 }
 
+impl<const D: usize> Default for Locator<D> {
+    /// The search in a mesh without cells.
+    fn default() -> Self {
+        Self {
+            neighbours: Neighbours::default(),
+            lower: Vector::zeros(),
+            width: 1.0,
+            boxes: [0; D],
+            first: vec![0],
+            cells: vec![],
+        }
+    }
+}
+
 impl<const D: usize> Locator<D> {
     /// Prepares the search in a mesh.
     pub fn new(mesh: &Mesh<D>) -> Result<Self> {

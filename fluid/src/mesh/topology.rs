@@ -4,7 +4,7 @@ use super::{Boundary, Mesh};
 use crate::{Error, Result, Vector};
 
 /// The cell across each facet: `D + 1` per cell, the `k`-th lies opposite node `k`.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Neighbours<const D: usize> {
     /// Cell numbers, [`Neighbours::NONE`] where the facet lies on the boundary.
     pub across: Vec<u32>,

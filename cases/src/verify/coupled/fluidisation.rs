@@ -61,34 +61,34 @@ impl Bed {
     /// Steps at a superficial velocity; the force that floor and bed put on each other and the pressure below over that
     /// above, both over the width, Pa.
     fn steps(&mut self, inflow: f64, count: usize) -> Result<[f64; 2]> {
-        let fluid = self.system.fluid.as_mut().ok_or_else(lost)?;
+        let fluid = self.system.fluid_mut().ok_or_else(lost)?;
         for condition in fluid.conditions.iter_mut().filter(|condition| condition.boundary == "bottom") {
             condition.flow = FlowCondition::SuperficialVelocity(Prescribed::Uniform(Vec2::new(0.0, inflow)));
         }
         for _ in 0..count {
             self.system.step(1e-3)?;
         }
-        let fluid = self.system.fluid.as_ref().ok_or_else(lost)?;
+        let fluid = self.system.fluid().ok_or_else(lost)?;
         let fields = &fluid.accepted;
         let low = (0..fields.pressure.len()).filter(|a| fluid.mesh.points[*a].y < 1e-9);
         let pressures: Vec<f64> = low.map(|a| fields.pressure[a]).collect();
         let (_, upper) = fluid.mesh.bounds();
         let hydrostatic = FLUID * GRAVITY * upper.y;
         let drop = pressures.iter().sum::<f64>() / pressures.len() as f64 - hydrostatic;
-        let grains = self.system.grains.as_ref().ok_or_else(lost)?;
+        let grains = self.system.grains().ok_or_else(lost)?;
         Ok([-grains.wall_force()[0].y / self.width, drop])
     }
 
     /// Weight of the grains less buoyancy over the width, Pa.
     fn weight(&self) -> Result<f64> {
-        let particles = &self.system.grains.as_ref().ok_or_else(lost)?.particles;
+        let particles = &self.system.grains().ok_or_else(lost)?.particles;
         let mass: f64 = particles.mass.iter().zip(&particles.volume).map(|(m, v)| m - FLUID * v).sum();
         Ok(mass * GRAVITY / self.width)
     }
 
     /// The pressure drop that the closure gives at the voidages of the grains, Pa.
     fn closure(&self, inflow: f64) -> Result<f64> {
-        let interaction = self.system.interaction.as_ref().ok_or_else(lost)?;
+        let interaction = self.system.interaction().ok_or_else(lost)?;
         let volumes = &interaction.load.volume;
         let each = interaction.voidage.iter().zip(volumes).map(|(voidage, volume)| {
             let slip = inflow / voidage;

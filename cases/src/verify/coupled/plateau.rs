@@ -36,8 +36,8 @@ fn momentum(simulation: &Simulation) -> f64 {
 /// Weight of the gas over the area of the box, Pa, and the width of the box, m.
 fn gas(simulation: &Simulation) -> Option<(f64, f64)> {
     let coupled = simulation.coupled();
-    let (grains, laws) = (coupled.grains.as_ref()?, &coupled.interaction.as_ref()?.laws);
-    let (low, high) = coupled.fluid.as_ref()?.mesh.bounds();
+    let (grains, laws) = (coupled.grains()?, &coupled.interaction()?.laws);
+    let (low, high) = coupled.fluid()?.mesh.bounds();
     Some((laws.density * grains.settings().gravity.norm() * (high - low).y, (high - low).x))
 }
 
@@ -67,7 +67,7 @@ fn run(effort: Effort) -> Result<Outcome> {
         let at = |name| fluid.mean_pressure(name).ok_or_else(lost);
         let drop = at("inflow")? - at("outflow")? - gas;
         sum += drop;
-        let grains = simulation.coupled().grains.as_ref().ok_or_else(lost)?;
+        let grains = simulation.coupled().grains().ok_or_else(lost)?;
         floor -= grains.wall_force().iter().map(|force| force.y).sum::<f64>() / width;
         curve.push((simulation.time(), drop / weight));
     }

@@ -92,7 +92,7 @@ fn bed(cells: usize) -> Result<(Coupled<2>, f64, f64)> {
         heat.capacity.fill(volume * GRAINS_CAPACITY);
     }
     let mut system = set.with_grains(set.build(mesh, start)?, held, laws, SchemeName::HenryFree)?;
-    if let Some(interaction) = &mut system.interaction {
+    if let Some(interaction) = system.interaction_mut() {
         // The stream is there from the first step.
         interaction.at.velocity.fill(Vec2::new(around.slip, 0.0));
     }
@@ -103,7 +103,7 @@ fn bed(cells: usize) -> Result<(Coupled<2>, f64, f64)> {
 fn along(system: &mut Coupled<2>, length: f64) -> Result<[Vec<(f64, f64)>; 2]> {
     let none = || voidage_coupling::Error::Run("the bed has lost its heat".into());
     let scaled = |x: f64, kelvin: f64| (LENGTH * x / length, (kelvin - COLD) / (HOT - COLD));
-    let fluid = system.fluid.as_ref().ok_or_else(none)?;
+    let fluid = system.fluid().ok_or_else(none)?;
     let mut stream: Vec<(f64, f64)> = fluid
         .mesh
         .points
@@ -112,7 +112,7 @@ fn along(system: &mut Coupled<2>, length: f64) -> Result<[Vec<(f64, f64)>; 2]> {
         .filter(|(x, _)| x.y < 1e-9 * length)
         .map(|(x, kelvin)| scaled(x.x, *kelvin))
         .collect();
-    let particles = &system.grains.as_ref().ok_or_else(none)?.particles;
+    let particles = &system.grains().ok_or_else(none)?.particles;
     let heat = particles.heat.as_ref().ok_or_else(none)?;
     let mut grains: Vec<(f64, f64)> =
         particles.position.iter().zip(&heat.temperature).map(|(x, kelvin)| scaled(x.x, *kelvin)).collect();

@@ -1,0 +1,195 @@
+//! The fluid of a scene: its solver, mesh and fields.
+
+use crate::StepReport;
+use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
+use crate::error::{Error, Result};
+use crate::exchange::OnMesh;
+use crate::motion::Swing;
+use crate::renewal::Renewal;
+use voidage_fluid::Mesh;
+use voidage_fluid::conditions::{Condition, FlowCondition};
+use voidage_fluid::flow::State;
+
+/// Time and number of steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Clock {
+    /// Time, s.
+    pub time: f64,
+    /// Steps done.
+    pub steps: u64,
+}
+
+/// The fluid of a scene.
+pub struct Fluid<const D: usize> {
+    /// The solver.
+    pub backend: Box<dyn FluidBackend<D>>,
+    /// Its mesh.
+    pub mesh: Mesh<D>,
+    /// Nodal fields at the last accepted step.
+    pub accepted: State<D>,
+    /// What the solver answered last.
+    pub solution: Solution<D>,
+    /// Names of its scalars.
+    pub scalars: Vec<String>,
+    /// Conditions at full strength.
+    pub conditions: Vec<Condition<D>>,
+    /// Time over which prescribed velocities grow linearly from zero, s; 0 for at once.
+    pub ramp: f64,
+    /// Integral of each shape function, m3 (m2 in the plane).
+    pub nodal_volume: Vec<f64>,
+    /// How the mesh moves; absent if it stands still.
+    pub motion: Option<Swing<D>>,
+    /// How it is made anew; absent if it never is.
+    pub renewal: Option<Renewal<D>>,
+    /// Time and steps of the accepted fields.
+    pub clock: Clock,
+    /// Which mesh the solver has.
+    generation: u32,
+    /// Whether the nodes have left the places that they had when the solver got them.
+    pub(crate) moved: bool,
+}
+
+impl<const D: usize> Fluid<D> {
+    /// A fluid on a mesh that stands still, from these fields; the solver gets both.
+    ///
+    /// # Errors
+    /// The solver cannot use them.
+    pub fn new(
+        backend: Box<dyn FluidBackend<D>>,
+        mesh: Mesh<D>,
+        fields: State<D>,
+        scalars: Vec<String>,
+        conditions: Vec<Condition<D>>,
+    ) -> Result<Self> {
+        let mut fluid = Self {
+            backend,
+            nodal_volume: mesh.nodal_volume(),
+            mesh,
+            accepted: fields,
+            solution: Solution::default(),
+            scalars,
+            conditions,
+            ramp: 0.0,
+            motion: None,
+            renewal: None,
+            clock: Clock::default(),
+            generation: 0,
+            moved: true,
+        };
+        fluid.start()?;
+        Ok(fluid)
+    }
+
+    /// Gives the solver the mesh where it is, and the accepted fields: nothing of earlier steps influences what follows.
+    ///
+    /// # Errors
+    /// The solver cannot use them, or cannot be reached.
+    pub fn start(&mut self) -> Result<()> {
+        self.generation += u32::from(self.moved);
+        self.moved = false;
+        self.backend.set_mesh(&self.mesh, self.generation, &self.accepted)
+    }
+
+    /// Takes another mesh and the fields on it.
+    ///
+    /// # Errors
+    /// Those of [`Self::start`].
+    pub fn set_mesh(&mut self, mesh: Mesh<D>, fields: State<D>) -> Result<()> {
+        self.nodal_volume = mesh.nodal_volume();
+        (self.mesh, self.accepted, self.moved) = (mesh, fields, true);
+        self.start()
+    }
+
+    /// One solution from the accepted fields over `dt`, with what is immersed.
+    ///
+    /// # Errors
+    /// The solver failed.
+    pub fn solve(
+        &mut self,
+        dt: f64,
+        immersed: Option<Immersed<'_, D>>,
+        report: &mut StepReport,
+    ) -> Result<()> {
+        let conditions = ramped(&self.conditions, self.ramp, self.clock.time + dt);
+        let motion = self.motion.as_ref().map(|motion| motion.of_step(&self.mesh.points));
+        let Clock { time, steps } = self.clock;
+        let step = FluidStep { number: steps + 1, time, dt, immersed, conditions: &conditions, motion };
+        self.moved |= step.motion.is_some();
+        self.backend.solve(&step, &mut self.solution)?;
+        let Solution { report: solver, transport_s, .. } = &self.solution;
+        report.phases.energy += solver.scalars_s;
+        report.phases.flow += solver.flow_s;
+        report.phases.transport += transport_s;
+        report.fluid = Some(*solver);
+        Ok(())
+    }
+
+    /// Makes the last solution, which was over `dt`, the accepted fields.
+    pub fn accept(&mut self, dt: f64) {
+        self.backend.accept();
+        std::mem::swap(&mut self.accepted, &mut self.solution.fields);
+        self.clock.time += dt;
+    }
+
+    /// Puts another solver around the one that there is, which has its mesh.
+    pub fn wrap_backend(&mut self, wrap: impl FnOnce(Box<dyn FluidBackend<D>>) -> Box<dyn FluidBackend<D>>) {
+        self.backend = wrap(std::mem::replace(&mut self.backend, Box::new(Vacant)));
+    }
+
+    /// The accepted fields on the mesh.
+    pub fn on_mesh(&self) -> OnMesh<'_, D> {
+        OnMesh { mesh: &self.mesh, fields: &self.accepted }
+    }
+}
+
+impl<const D: usize> Default for Fluid<D> {
+    /// No fluid: what stays behind while somebody else holds the fluid.
+    fn default() -> Self {
+        Self {
+            backend: Box::new(Vacant),
+            mesh: Mesh { points: vec![], cells: vec![], boundaries: vec![] },
+            accepted: State::default(),
+            solution: Solution::default(),
+            scalars: vec![],
+            conditions: vec![],
+            ramp: 0.0,
+            nodal_volume: vec![],
+            motion: None,
+            renewal: None,
+            clock: Clock::default(),
+            generation: 0,
+            moved: true,
+        }
+    }
+}
+
+/// The place of a solver that somebody else holds.
+struct Vacant;
+
+impl<const D: usize> FluidBackend<D> for Vacant {
+    fn set_mesh(&mut self, _: &Mesh<D>, _: u32, _: &State<D>) -> Result<()> {
+        Err(Error::Run("there is no fluid solver here".into()))
+    }
+
+    fn solve(&mut self, _: &FluidStep<'_, D>, _: &mut Solution<D>) -> Result<()> {
+        Err(Error::Run("there is no fluid solver here".into()))
+    }
+
+    fn accept(&mut self) {}
+}
+
+/// The conditions at a time: prescribed velocities grow over the ramp.
+fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: f64, time: f64) -> Vec<Condition<D>> {
+    let mut scaled = conditions.to_vec();
+    if time < ramp {
+        for condition in &mut scaled {
+            match &mut condition.flow {
+                FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) => {
+                    value.scale(time / ramp);
+                }
+                _ => {}
+            }
+        }
+    }
+    scaled
+}

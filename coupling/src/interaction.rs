@@ -1,0 +1,145 @@
+//! The exchange between grains and fluid: its laws, and what both know of each other.
+
+use crate::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use crate::exchange::{self, AtGrains, OnMesh};
+use crate::load::{GrainLoad, HeatLoad};
+use crate::overlap::Overlap;
+use crate::{Carried, HEAT, Result, StepReport};
+use rayon::prelude::*;
+use voidage_dem::Dem;
+use voidage_fluid::flow::Numerics;
+use voidage_fluid::points::Points;
+use voidage_fluid::{Mesh, Vector};
+
+/// Laws and properties of the exchange between grains and fluid.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Laws {
+    /// Drag law.
+    pub drag: Drag,
+    /// Voidage function of drag and heat transfer.
+    pub voidage_function: VoidageFunction,
+    /// Heat-transfer law.
+    pub heat: HeatTransfer,
+    /// Density of the fluid, kg/m3.
+    pub density: f64,
+    /// Viscosity of the fluid, Pa s.
+    pub viscosity: f64,
+    /// Thermal properties; absent unless grains and fluid both have a temperature.
+    pub thermal: Option<ThermalFluid>,
+}
+
+/// State of the exchange between grains and fluid.
+pub struct Interaction<const D: usize> {
+    /// Laws by name.
+    pub laws: Laws,
+    /// The law of the grains.
+    pub load: GrainLoad<D>,
+    /// The same as the fluid solver gets it.
+    pub points: Points<D>,
+    /// The fluid at the grains by the last solution.
+    pub at: AtGrains<D>,
+    /// Voidage at each grain: mean of the nodal voidage over its pieces.
+    pub voidage: Vec<f64>,
+    /// Force of the fluid on each grain, mean over the last step, N.
+    pub force: Vec<Vector<D>>,
+    /// Heat from the fluid to each grain, mean over the last step, W; empty without heat.
+    pub heat: Vec<f64>,
+    /// Relative residual to which the fluid solver solves its energy equation: temperatures are known to about this share.
+    pub heat_tolerance: f64,
+    /// What the fluid still has to give; absent with schemes that move the grains by the force of the law.
+    pub carried: Option<Carried<D>>,
+    /// Force (N) and heat (W) that the fluid lost at the points in the last solution.
+    pub lost: (Vector<D>, f64),
+    pub(crate) overlap: Overlap<D>,
+}
+
+impl<const D: usize> Default for Interaction<D> {
+    /// That of nothing with nothing.
+    fn default() -> Self {
+        Self {
+            laws: Laws::default(),
+            load: GrainLoad::default(),
+            points: Points::default(),
+            at: AtGrains::default(),
+            voidage: vec![],
+            force: vec![],
+            heat: vec![],
+            heat_tolerance: Numerics::default().scalars.tolerance,
+            carried: None,
+            lost: (Vector::zeros(), 0.0),
+            overlap: Overlap::default(),
+        }
+    }
+}
+
+impl<const D: usize> Interaction<D> {
+    /// The exchange of `grains` with a fluid on `mesh`, solved to the default tolerance; `at` is the fluid at the grains in the beginning.
+    ///
+    /// # Errors
+    /// A mesh that cannot be searched.
+    pub fn new(laws: Laws, mesh: &Mesh<D>, grains: &Dem<D>, at: AtGrains<D>) -> Result<Self> {
+        let count = grains.particles.position.len();
+        let mut load = GrainLoad {
+            volume: grains.particles.volume.clone(),
+            drag: vec![0.0; count],
+            mobility: vec![0.0; count],
+            velocity: vec![Vector::zeros(); count],
+            ..GrainLoad::default()
+        };
+        let mut heat = Vec::new();
+        if laws.thermal.is_some() {
+            let column = || vec![0.0; count];
+            load.heat = Some(HeatLoad { coefficient: column(), mobility: column(), temperature: column() });
+            heat = column();
+        }
+        let force = vec![Vector::zeros(); count];
+        let overlap = Overlap::new(mesh)?;
+        Ok(Self { laws, load, at, voidage: vec![1.0; count], force, heat, overlap, ..Self::default() })
+    }
+}
+
+impl<const D: usize> Interaction<D> {
+    /// Takes a solution of the fluid: the fluid at the grains, force and heat on them by the affine law, and what the fluid
+    /// lost.
+    pub(crate) fn receive(&mut self, fluid: &OnMesh<'_, D>) {
+        self.at.sample(&self.load.pieces, fluid, self.load.heat.as_ref().map(|_| HEAT));
+        let (load, at) = (&self.load, &self.at);
+        let forces = self.force.par_iter_mut().enumerate().with_min_len(256);
+        forces.for_each(|(i, force)| *force = load.force(at, i));
+        if let Some(columns) = &load.heat {
+            let heats = self.heat.par_iter_mut().enumerate().with_min_len(256);
+            heats.for_each(|(i, heat)| *heat = columns.heat(at, i));
+        }
+        self.lost = exchange::lost(&self.points, fluid, HEAT);
+    }
+
+    /// Compares what the grains got in a part of a step with what the fluid lost and what is carried on.
+    pub(crate) fn balance(&mut self, dt: f64, report: &mut StepReport) {
+        let worse = |worst: &mut Option<f64>, defect: f64| {
+            // What is no number must not get lost in a maximum.
+            *worst = Some(worst.map_or(defect, |worst| if worst > defect { worst } else { defect }));
+        };
+        let (mut force, mut heat) = (self.lost.0, self.lost.1);
+        if let Some(carried) = &mut self.carried {
+            let (impulse, warmth) = carried.change();
+            (force, heat) = (force + impulse / dt, heat + warmth / dt);
+        }
+        let got: Vector<D> = self.force.iter().sum();
+        let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
+        worse(&mut report.momentum_exchange_defect, relative((got - force).norm(), scale));
+        if let Some(columns) = &self.load.heat {
+            let got: f64 = self.heat.iter().sum();
+            let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();
+            // Grains as warm as the fluid exchange the round-off of hA T.
+            let warmth = columns.coefficient.iter().zip(&self.at.temperature);
+            let through: f64 = warmth.map(|(h, t)| (h * t).abs()).sum();
+            let defect = relative((got - heat).abs(), scale.max(1e-3 * through));
+            worse(&mut report.energy_exchange_defect, defect);
+        }
+    }
+}
+
+/// A defect over what it is a part of; itself where that is nothing.
+pub(crate) fn relative(defect: f64, scale: f64) -> f64 {
+    if scale > 0.0 { defect / scale } else { defect }
+}

@@ -1,0 +1,184 @@
+//! Grains in a fluid, and the phases of their step.
+
+use crate::backend::Immersed;
+use crate::closure::Surroundings;
+use crate::exchange::{OnMesh, Rigid};
+use crate::interaction::relative;
+use crate::load::GrainLoad;
+use crate::scheme::anchored::Push;
+use crate::{Error, Fluid, HEAT, Interaction, Result, StepReport, overlap};
+use rayon::prelude::*;
+use std::time::Instant;
+use voidage_dem::{Dem, Load};
+
+/// Grains in a fluid. A [scheme](crate::scheme::Scheme) advances it by the phases below.
+#[derive(Default)]
+pub struct Mixture<const D: usize> {
+    /// The grains.
+    pub grains: Dem<D>,
+    /// The fluid.
+    pub fluid: Fluid<D>,
+    /// Their exchange.
+    pub interaction: Interaction<D>,
+    phase: Phase,
+}
+
+/// How far a step has come: what later phases may build on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+enum Phase {
+    /// The last step, or part of a step, is accepted.
+    #[default]
+    Accepted,
+    /// The grains are cut by the mesh.
+    Cut,
+    /// The laws of the exchange have been evaluated.
+    Closed,
+    /// The fluid has been solved.
+    Solved,
+}
+
+impl<const D: usize> Mixture<D> {
+    /// Grains in a fluid, before their first step.
+    pub fn new(grains: Dem<D>, fluid: Fluid<D>, interaction: Interaction<D>) -> Self {
+        Self { grains, fluid, interaction, phase: Phase::Accepted }
+    }
+
+    /// Refuses a phase that needs an earlier one.
+    fn needs(&self, phase: Phase, called: &str, first: &str) -> Result<()> {
+        match self.phase >= phase {
+            true => Ok(()),
+            false => Err(Error::Run(format!(
+                "a scheme called `{called}` before `{first}` of this step\n  \
+                 help: the phases are cut_grains, evaluate_closures, solve_fluid, move_grains or push_grains, accept"
+            ))),
+        }
+    }
+
+    /// Pieces of the grains on the mesh and the voidage they make.
+    ///
+    /// # Errors
+    /// A grain lies outside the mesh.
+    pub fn cut_grains(&mut self, report: &mut StepReport) -> Result<()> {
+        let start = Instant::now();
+        let (particles, fluid) = (&self.grains.particles, &self.fluid);
+        let Interaction { load, overlap: cutter, .. } = &mut self.interaction;
+        let GrainLoad { pieces, voidage, volume, .. } = load;
+        cutter.cut(&fluid.mesh, &particles.position, &particles.radius, pieces, volume)?;
+        volume.iter_mut().zip(&particles.volume).for_each(|(inside, whole)| *inside *= whole);
+        let volume = overlap::voidage(&fluid.mesh, pieces, volume, &fluid.nodal_volume, voidage);
+        let exact: f64 = particles.volume.iter().sum();
+        report.solid_volume_defect = Some(relative((volume - exact).abs(), exact));
+        report.phases.overlap += start.elapsed().as_secs_f64();
+        self.phase = Phase::Cut;
+        Ok(())
+    }
+
+    /// Drag and heat-transfer coefficients with the fluid of the last accepted step.
+    ///
+    /// # Errors
+    /// The grains have not been cut.
+    pub fn evaluate_closures(&mut self, report: &mut StepReport) -> Result<()> {
+        self.needs(Phase::Cut, "evaluate_closures", "cut_grains")?;
+        let start = Instant::now();
+        let particles = &self.grains.particles;
+        let Interaction { laws, load, at, voidage: means, .. } = &mut self.interaction;
+        let (pieces, voidage, mesh) = (&load.pieces, &load.voidage, &self.fluid.mesh);
+        means.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, mean)| {
+            *mean = pieces.mean(i, mesh, voidage);
+        });
+        let around = |i: usize| Surroundings {
+            slip: (at.velocity[i] - particles.velocity[i]).norm(),
+            voidage: means[i],
+            diameter: 2.0 * particles.radius[i],
+            density: laws.density,
+            viscosity: laws.viscosity,
+        };
+        let volume = &load.volume;
+        load.drag.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, gamma)| {
+            *gamma = volume[i] * laws.drag.coefficient(&around(i), laws.voidage_function);
+        });
+        if let (Some(heat), Some(thermal)) = (&mut load.heat, &laws.thermal) {
+            heat.coefficient.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, coefficient)| {
+                let law = laws.heat.coefficient(&around(i), thermal, laws.voidage_function);
+                *coefficient = volume[i] * law;
+            });
+        }
+        report.phases.closure += start.elapsed().as_secs_f64();
+        self.phase = Phase::Closed;
+        Ok(())
+    }
+
+    /// One solution of the fluid from its last accepted state.
+    ///
+    /// # Errors
+    /// The laws have not been evaluated; the solver failed.
+    pub fn solve_fluid(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
+        self.needs(Phase::Closed, "solve_fluid", "evaluate_closures")?;
+        let start = Instant::now();
+        let Self { fluid, interaction, .. } = self;
+        let Interaction { load, points, laws, .. } = interaction;
+        let rigid = Rigid { fluid: fluid.on_mesh(), density: laws.density, dt };
+        load.fill_points(&rigid, (HEAT, fluid.scalars.len()), points);
+        let before = report.phases;
+        fluid.solve(dt, Some(Immersed { points, voidage: &load.voidage }), report)?;
+        interaction.receive(&OnMesh { mesh: &fluid.mesh, fields: &fluid.solution.fields });
+        report.phases.exchange += start.elapsed().as_secs_f64() - report.phases.of_solver_since(&before);
+        self.phase = Phase::Solved;
+        Ok(())
+    }
+
+    /// Contacts and motion of the grains under the forces and heat of the fluid.
+    pub fn move_grains(&mut self, dt: f64, report: &mut StepReport) {
+        let Interaction { force, heat, .. } = &self.interaction;
+        let start = Instant::now();
+        report.grains = Some(self.grains.step(dt, &Load { force, heat, ..Load::default() }));
+        report.phases.contacts += start.elapsed().as_secs_f64();
+    }
+
+    /// The same under a push of the fluid with implicit drag and heat transfer: the force on a grain is push.force - gamma v,
+    /// and its heat push.heat - hA T, with the means over the step. Contacts are solved with the mass m + gamma dt.
+    ///
+    /// # Errors
+    /// The laws have not been evaluated.
+    pub fn push_grains(&mut self, dt: f64, push: &Push<D>, report: &mut StepReport) -> Result<()> {
+        self.needs(Phase::Closed, "push_grains", "evaluate_closures")?;
+        let start = Instant::now();
+        let load = &self.interaction.load;
+        let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
+        let load =
+            Load { force: &push.force, drag: &load.drag, heat: &push.heat, transfer, ..Load::default() };
+        // Sweeps of trials count too.
+        let before = report.grains.map_or(0, |grains| grains.sweeps);
+        let moved = self.grains.step(dt, &load);
+        report.grains = Some(voidage_dem::StepReport { sweeps: before + moved.sweeps, ..moved });
+        report.phases.contacts += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Makes the last solution of the fluid the accepted one and moves the clock: the end of a step.
+    ///
+    /// # Errors
+    /// The fluid has not been solved.
+    pub fn accept(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
+        self.accept_part(dt, report)?;
+        self.end_step();
+        Ok(())
+    }
+
+    /// Counts a step whose parts have all been accepted.
+    pub(crate) fn end_step(&mut self) {
+        self.fluid.clock.steps += 1;
+    }
+
+    /// The same for a part of a step of `dt`.
+    ///
+    /// # Errors
+    /// The fluid has not been solved.
+    pub(crate) fn accept_part(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
+        self.needs(Phase::Solved, "accept", "solve_fluid")?;
+        self.fluid.accept(dt);
+        self.interaction.balance(dt, report);
+        self.phase = Phase::Accepted;
+        Ok(())
+    }
+}

@@ -1,0 +1,145 @@
+//! What a scene is made of, and its step.
+
+use crate::scheme::Scheme;
+use crate::{Clock, Fluid, Interaction, Mixture, Result, StepReport};
+use std::time::Instant;
+use voidage_dem::{Dem, Load};
+
+/// What a scene is made of. A scene pays nothing for what it does not have.
+pub enum System<const D: usize> {
+    /// Grains alone, with their clock.
+    Grains(Dem<D>, Clock),
+    /// A fluid alone.
+    Fluid(Fluid<D>),
+    /// Grains in a fluid.
+    Mixture(Mixture<D>),
+}
+
+/// A system beside the scheme that advances it, if grains and fluid act on each other.
+pub struct Coupled<const D: usize> {
+    /// The system.
+    pub system: System<D>,
+    scheme: Box<dyn Scheme<D>>,
+}
+
+impl<const D: usize> Coupled<D> {
+    /// A system with its scheme; grains or fluid alone do not use it.
+    pub fn new(system: System<D>, scheme: Box<dyn Scheme<D>>) -> Self {
+        Self { system, scheme }
+    }
+
+    /// One step of `dt`: the mesh moves, grains and fluid move, and the mesh is made anew if it is time.
+    ///
+    /// # Errors
+    /// The fluid solver failed or a grain left the mesh; the state is then that before the step (before the part that failed, where a scheme
+    /// does a step in parts), except that the grains' hints and load columns may be those of the failed step.
+    pub fn step(&mut self, dt: f64) -> Result<StepReport> {
+        let mut report = StepReport::default();
+        self.move_mesh(|motion, time, points| motion.advance(time, dt, points));
+        match &mut self.system {
+            System::Grains(grains, clock) => {
+                let start = Instant::now();
+                report.grains = Some(grains.step(dt, &Load::default()));
+                report.phases.contacts += start.elapsed().as_secs_f64();
+                *clock = Clock { time: clock.time + dt, steps: clock.steps + 1 };
+            }
+            System::Fluid(fluid) => {
+                fluid.solve(dt, None, &mut report)?;
+                fluid.accept(dt);
+                fluid.clock.steps += 1;
+            }
+            System::Mixture(mixture) => report = self.scheme.step(mixture, dt)?,
+        }
+        self.renew_mesh(&mut report)?;
+        Ok(report)
+    }
+
+    /// Advances by another scheme from now on.
+    pub fn set_scheme(&mut self, scheme: Box<dyn Scheme<D>>) {
+        self.scheme = scheme;
+    }
+
+    /// Time and steps.
+    pub fn clock(&self) -> Clock {
+        match &self.system {
+            System::Grains(_, clock) => *clock,
+            System::Fluid(fluid) => fluid.clock,
+            System::Mixture(mixture) => mixture.fluid.clock,
+        }
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> f64 {
+        self.clock().time
+    }
+
+    /// Steps done.
+    pub fn steps(&self) -> u64 {
+        self.clock().steps
+    }
+
+    /// Sets time and number of steps, at a restart.
+    pub fn set_time(&mut self, time: f64, steps: u64) {
+        match &mut self.system {
+            System::Grains(_, clock) => *clock = Clock { time, steps },
+            System::Fluid(fluid) => fluid.clock = Clock { time, steps },
+            System::Mixture(mixture) => mixture.fluid.clock = Clock { time, steps },
+        }
+    }
+
+    /// Grains and fluid, if both are there.
+    pub fn mixture(&self) -> Option<&Mixture<D>> {
+        if let System::Mixture(mixture) = &self.system { Some(mixture) } else { None }
+    }
+
+    /// The same, to change between two steps.
+    pub fn mixture_mut(&mut self) -> Option<&mut Mixture<D>> {
+        if let System::Mixture(mixture) = &mut self.system { Some(mixture) } else { None }
+    }
+
+    /// The grains, if there are any.
+    pub fn grains(&self) -> Option<&Dem<D>> {
+        match &self.system {
+            System::Grains(grains, _) => Some(grains),
+            System::Fluid(_) => None,
+            System::Mixture(mixture) => Some(&mixture.grains),
+        }
+    }
+
+    /// The same, to change between two steps.
+    pub fn grains_mut(&mut self) -> Option<&mut Dem<D>> {
+        match &mut self.system {
+            System::Grains(grains, _) => Some(grains),
+            System::Fluid(_) => None,
+            System::Mixture(mixture) => Some(&mut mixture.grains),
+        }
+    }
+
+    /// The fluid, if there is one.
+    pub fn fluid(&self) -> Option<&Fluid<D>> {
+        match &self.system {
+            System::Grains(..) => None,
+            System::Fluid(fluid) => Some(fluid),
+            System::Mixture(mixture) => Some(&mixture.fluid),
+        }
+    }
+
+    /// The same, to change between two steps.
+    pub fn fluid_mut(&mut self) -> Option<&mut Fluid<D>> {
+        match &mut self.system {
+            System::Grains(..) => None,
+            System::Fluid(fluid) => Some(fluid),
+            System::Mixture(mixture) => Some(&mut mixture.fluid),
+        }
+    }
+
+    /// The exchange of grains and fluid, if both are there.
+    pub fn interaction(&self) -> Option<&Interaction<D>> {
+        self.mixture().map(|mixture| &mixture.interaction)
+    }
+
+    /// The same, to change between two steps.
+    pub fn interaction_mut(&mut self) -> Option<&mut Interaction<D>> {
+        self.mixture_mut().map(|mixture| &mut mixture.interaction)
+    }
+}
