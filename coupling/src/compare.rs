@@ -110,7 +110,8 @@ impl<const D: usize> SideBySide<D> {
         for Other { name, solution, .. } in &self.others {
             let mut differences = nodal(self.density, &self.scalars, &ours.fields, &solution.fields);
             differences.extend(at_points(mesh, &self.scalars, step, ours, solution));
-            let speed = fastest(&ours.fields.velocity);
+            let driven = (largest(&ours.fields.pressure) / self.density).sqrt();
+            let speed = fastest(&ours.fields.velocity).max(driven);
             let (lower, upper) = mesh.bounds();
             let driver = speed * (upper - lower).norm().powi(D as i32 - 1);
             differences.extend(at_boundary(&self.scalars, driver, &ours.balances, &solution.balances));
@@ -202,8 +203,8 @@ fn at_points<const D: usize>(
     found
 }
 
-/// Differences of what passes the parts of the boundary; none where a solver does not compute it. `driver` is the flux of the largest
-/// velocity across the mesh: nothing but rounding passes the walls of a closed box.
+/// Differences of what passes the parts of the boundary; none where a solver does not compute it. `driver` is the flux across the
+/// mesh of the largest velocity, or of that which the pressure would drive: nothing but rounding passes the walls of a closed box.
 fn at_boundary<const D: usize>(
     scalars: &[String],
     driver: f64,

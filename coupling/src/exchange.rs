@@ -126,7 +126,8 @@ impl<const D: usize> Pieces<D> {
 }
 
 impl<const D: usize> AtGrains<D> {
-    /// Means of the fields over the pieces of each grain; the temperature is that scalar of the fluid, if it is wanted.
+    /// Means of the fields over the pieces of each grain; the temperature is that scalar of the fluid, if it is wanted. A grain without
+    /// pieces keeps what it had.
     pub fn sample(&mut self, pieces: &Pieces<D>, fluid: &OnMesh<'_, D>, temperature: Option<usize>) {
         let count = pieces.grains();
         self.velocity.resize(count, Vector::zeros());
@@ -136,6 +137,9 @@ impl<const D: usize> AtGrains<D> {
             .enumerate()
             .with_min_len(CHUNK)
             .for_each(|(grain, (velocity, slope))| {
+                if pieces.of(grain).is_empty() {
+                    return;
+                }
                 (*velocity, *slope) = (Vector::zeros(), Vector::zeros());
                 for q in pieces.of(grain) {
                     let share = pieces.share[q];
@@ -143,11 +147,15 @@ impl<const D: usize> AtGrains<D> {
                     *slope += fluid.pressure_gradient(pieces.cell[q]) * share;
                 }
             });
-        self.temperature.clear();
-        let Some(field) = temperature.and_then(|scalar| fluid.fields.scalars.get(scalar)) else { return };
+        let Some(field) = temperature.and_then(|scalar| fluid.fields.scalars.get(scalar)) else {
+            self.temperature.clear();
+            return;
+        };
         self.temperature.resize(count, 0.0);
         let means = self.temperature.par_iter_mut().enumerate().with_min_len(CHUNK);
-        means.for_each(|(grain, mean)| *mean = pieces.mean(grain, fluid.mesh, field));
+        means.filter(|(grain, _)| !pieces.of(*grain).is_empty()).for_each(|(grain, mean)| {
+            *mean = pieces.mean(grain, fluid.mesh, field);
+        });
     }
 }
 

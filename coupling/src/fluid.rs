@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
 use crate::motion::Swing;
 use crate::renewal::Renewal;
+use std::borrow::Cow;
 use voidage_fluid::Mesh;
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::State;
@@ -179,17 +180,18 @@ impl<const D: usize> FluidBackend<D> for Vacant {
 }
 
 /// The conditions at a time: prescribed velocities grow over the ramp.
-fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: f64, time: f64) -> Vec<Condition<D>> {
+fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: f64, time: f64) -> Cow<'_, [Condition<D>]> {
+    if time >= ramp {
+        return Cow::Borrowed(conditions);
+    }
     let mut scaled = conditions.to_vec();
-    if time < ramp {
-        for condition in &mut scaled {
-            match &mut condition.flow {
-                FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) => {
-                    value.scale(time / ramp);
-                }
-                _ => {}
+    for condition in &mut scaled {
+        match &mut condition.flow {
+            FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) => {
+                value.scale(time / ramp);
             }
+            _ => {}
         }
     }
-    scaled
+    Cow::Owned(scaled)
 }

@@ -48,6 +48,8 @@ pub struct Interaction<const D: usize> {
     pub heat_tolerance: f64,
     /// What the fluid still has to give; absent with schemes that move the grains by the force of the law.
     pub carried: Option<Carried<D>>,
+    /// Grains that have left through open boundaries since time zero.
+    pub departed: u64,
     /// Force (N) and heat (W) that the fluid lost at the points in the last solution.
     pub lost: (Vector<D>, f64),
     pub(crate) overlap: Overlap<D>,
@@ -66,6 +68,7 @@ impl<const D: usize> Default for Interaction<D> {
             heat: vec![],
             heat_tolerance: Numerics::default().scalars.tolerance,
             carried: None,
+            departed: 0,
             lost: (Vector::zeros(), 0.0),
             overlap: Overlap::default(),
         }

@@ -15,6 +15,7 @@ pub mod exchange;
 pub mod fluid;
 pub mod interaction;
 pub mod launch;
+mod leaving;
 pub mod load;
 pub mod mixture;
 pub mod motion;

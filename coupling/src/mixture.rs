@@ -57,13 +57,18 @@ impl<const D: usize> Mixture<D> {
     /// Pieces of the grains on the mesh and the voidage they make.
     ///
     /// # Errors
-    /// A grain lies outside the mesh.
+    /// A grain lies outside the mesh, and not behind an open boundary.
     pub fn cut_grains(&mut self, report: &mut StepReport) -> Result<()> {
         let start = Instant::now();
         let (particles, fluid) = (&self.grains.particles, &self.fluid);
         let Interaction { load, overlap: cutter, .. } = &mut self.interaction;
-        let GrainLoad { pieces, voidage, volume, .. } = load;
+        let GrainLoad { pieces, volume, .. } = load;
         cutter.cut(&fluid.mesh, &particles.position, &particles.radius, pieces, volume)?;
+        if !cutter.outside().is_empty() {
+            self.check_outside()?;
+        }
+        let Interaction { load, .. } = &mut self.interaction;
+        let GrainLoad { pieces, voidage, volume, .. } = load;
         volume.iter_mut().zip(&particles.volume).for_each(|(inside, whole)| *inside *= whole);
         let volume = overlap::voidage(&fluid.mesh, pieces, volume, &fluid.nodal_volume, voidage);
         let exact: f64 = particles.volume.iter().sum();
@@ -84,7 +89,8 @@ impl<const D: usize> Mixture<D> {
         let Interaction { laws, load, at, voidage: means, .. } = &mut self.interaction;
         let (pieces, voidage, mesh) = (&load.pieces, &load.voidage, &self.fluid.mesh);
         means.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, mean)| {
-            *mean = pieces.mean(i, mesh, voidage);
+            // A grain that has left the mesh is alone.
+            *mean = if pieces.of(i).is_empty() { 1.0 } else { pieces.mean(i, mesh, voidage) };
         });
         let around = |i: usize| Surroundings {
             slip: (at.velocity[i] - particles.velocity[i]).norm(),

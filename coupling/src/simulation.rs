@@ -37,6 +37,7 @@ pub struct State {
     anew: Option<Anew<2>>,
     at: Option<AtGrains<2>>,
     carried: Option<Carried<2>>,
+    departed: u64,
 }
 
 impl Simulation {
@@ -90,6 +91,7 @@ impl Simulation {
         if let (Some(interaction), Some(at)) = (coupled.interaction_mut(), state.at) {
             interaction.at = at;
             interaction.carried = state.carried;
+            interaction.departed = state.departed;
         }
         Ok(self)
     }
@@ -228,6 +230,7 @@ impl Simulation {
         let grains = self.coupled.grains().map(|grains| {
             let particles = &grains.particles;
             GrainView {
+                id: &particles.id,
                 position: &particles.position,
                 velocity: &particles.velocity,
                 radius: &particles.radius,
@@ -277,6 +280,8 @@ impl Simulation {
                 ("step_parts".into(), agreement.parts as f64),
                 ("coupling_disagreement".into(), agreement.disagreement),
                 ("carried_impulse_share".into(), agreement.carried),
+                ("grains".into(), interaction.force.len() as f64),
+                ("grains_left".into(), interaction.departed as f64),
                 ("solid_volume_defect".into(), last.solid_volume_defect.unwrap_or_default()),
                 ("momentum_exchange_defect".into(), last.momentum_exchange_defect.unwrap_or_default()),
             ]);
@@ -336,6 +341,7 @@ impl Simulation {
             anew: coupled.fluid().and_then(Fluid::anew),
             at: coupled.interaction().map(|interaction| interaction.at.clone()),
             carried: coupled.interaction().and_then(|interaction| interaction.carried.clone()),
+            departed: coupled.interaction().map_or(0, |interaction| interaction.departed),
         })
     }
 }

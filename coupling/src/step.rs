@@ -48,7 +48,10 @@ impl<const D: usize> Coupled<D> {
                 fluid.accept(dt);
                 fluid.clock.steps += 1;
             }
-            System::Mixture(mixture) => report = self.scheme.step(mixture, dt)?,
+            System::Mixture(mixture) => {
+                report = self.scheme.step(mixture, dt)?;
+                mixture.dismiss();
+            }
         }
         self.renew_mesh(&mut report)?;
         Ok(report)

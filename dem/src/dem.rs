@@ -6,6 +6,7 @@ use crate::heat::Conductor;
 use crate::mark::Mark;
 use crate::memory::{Memory, Record, WALL};
 use crate::parallel;
+use crate::particles::retain;
 use crate::penetration::Moved;
 use crate::repair;
 use crate::scene::Scene;
@@ -200,6 +201,22 @@ impl<const D: usize> Dem<D> {
         self.mean_temperature.iter_mut().for_each(|t| *t /= dt);
         report.wall_heat = self.wall_heat.iter().sum();
         report
+    }
+
+    /// Takes grains out of the run: those that are not marked. Contacts of the others stay.
+    ///
+    /// # Panics
+    /// If there are not as many marks as grains.
+    pub fn retain(&mut self, keep: &[bool]) {
+        self.particles.retain(keep);
+        self.memory.retain(keep);
+        retain(&mut self.contact_force, keep);
+        retain(&mut self.contact_heat, keep);
+        retain(&mut self.mean_velocity, keep);
+        retain(&mut self.mean_temperature, keep);
+        // What these hold is by the old numbers; they are made again.
+        (self.search, self.problem, self.mark) = (Search::default(), Problem::default(), Mark::default());
+        (self.after, self.conductor) = (vec![], Conductor::default());
     }
 
     fn substep(&mut self, h: f64, load: &Load<'_, D>, last: bool, report: &mut StepReport) {

@@ -41,6 +41,7 @@ pub use bonds::{Bond, Bonds};
 pub use dem::{Contact, ContactForce, Dem, Partner, State};
 pub use error::{Error, Result};
 pub use heat::Conduction;
+pub use particles::retain;
 pub use particles::{Heat, Material, Particles, Rotation};
 pub use settings::{Acceleration, Cohesion, Load, Settings, StepReport};
 pub use space::{Vector, ball, inertia};

@@ -59,6 +59,32 @@ impl<const D: usize> Memory<D> {
         (Vector::zeros(), 0)
     }
 
+    /// Keeps the contacts between grains that are marked, by their new numbers.
+    pub fn retain(&mut self, keep: &[bool]) {
+        let mut next = 0;
+        let number: Vec<Option<u32>> = keep
+            .iter()
+            .map(|&keep| {
+                let number = keep.then_some(next);
+                next += u32::from(keep);
+                number
+            })
+            .collect();
+        let mut records = Vec::new();
+        for (owner, ends) in self.starts.windows(2).enumerate() {
+            for k in ends[0] as usize..ends[1] as usize {
+                let partner = self.partner[k];
+                let other = if partner & WALL != 0 { Some(partner) } else { number[partner as usize] };
+                if let (Some(i), Some(j)) = (number[owner], other) {
+                    let age = self.age.get(k).copied().unwrap_or(0);
+                    records.push(Record { i, j, impulse: self.impulse[k], age });
+                }
+            }
+        }
+        let (h, aged) = (self.h, !self.age.is_empty());
+        self.store(next as usize, h, aged, || records.iter().copied());
+    }
+
     /// Keeps the given contacts; `records` may be walked twice.
     pub fn store<I>(&mut self, grains: usize, h: f64, aged: bool, records: impl Fn() -> I)
     where
@@ -99,6 +125,27 @@ impl<const D: usize> Memory<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn contacts_of_grains_that_leave_are_forgotten_and_the_others_keep_theirs() {
+        let p = Vector::<2>::new(1.0, 2.0);
+        let records = [
+            Record { i: 0, j: 1, impulse: p, age: 4 },
+            Record { i: 1, j: 3, impulse: p * 2.0, age: 5 },
+            Record { i: 3, j: WALL + 1, impulse: p * 3.0, age: 6 },
+            Record { i: 2, j: 3, impulse: p * 4.0, age: 7 },
+        ];
+        let mut memory = Memory::default();
+        memory.store(4, 0.5, true, || records.into_iter());
+        memory.retain(&[false, true, true, true]);
+        assert_eq!(memory.h, 0.5);
+        assert_eq!(memory.find(0, 2), (p * 2.0, 5));
+        assert_eq!(memory.find(2, WALL + 1), (p * 3.0, 6));
+        assert_eq!(memory.find(2, 1), (-p * 4.0, 7));
+        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0));
+        memory.retain(&[true, true, false]);
+        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0));
+    }
 
     #[test]
     fn contacts_are_found_from_either_side() {

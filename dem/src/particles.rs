@@ -85,6 +85,12 @@ impl Material {
     }
 }
 
+/// Keeps the rows of a column that are marked; a column without rows stays so.
+pub fn retain<T>(column: &mut Vec<T>, keep: &[bool]) {
+    let mut marks = keep.iter();
+    column.retain(|_| marks.next().copied().unwrap_or(true));
+}
+
 /// Spin of discs. Absent: no rotation, as if the inertia were infinite.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rotation {
@@ -120,6 +126,8 @@ pub struct Particles<const D: usize> {
     pub volume: Vec<f64>,
     /// Index into the list of materials.
     pub material: Vec<u8>,
+    /// Number of each grain for life, whoever else comes or leaves.
+    pub id: Vec<u32>,
     /// Spin, if grains rotate.
     pub rotation: Option<Rotation>,
     /// Temperature, if grains carry heat.
@@ -148,7 +156,8 @@ impl<const D: usize> Particles<D> {
             mass.push(made_of.density * made_of.solidity * ball::<D>(r));
         }
         let velocity = vec![Vector::zeros(); position.len()];
-        Ok(Self { position, velocity, radius, mass, volume, material, rotation: None, heat: None })
+        let id = (0..position.len() as u32).collect();
+        Ok(Self { position, velocity, radius, mass, volume, material, id, rotation: None, heat: None })
     }
 
     /// The same grains, free to spin, with the inertia of full discs.
@@ -169,7 +178,30 @@ impl<const D: usize> Particles<D> {
         Ok(self)
     }
 
-    /// Adds other grains after these. Spin and heat stay only if both have them.
+    /// Keeps the grains that are marked.
+    ///
+    /// # Panics
+    /// If there are not as many marks as grains.
+    pub fn retain(&mut self, keep: &[bool]) {
+        assert_eq!(keep.len(), self.len(), "a mark for every grain");
+        retain(&mut self.position, keep);
+        retain(&mut self.velocity, keep);
+        retain(&mut self.radius, keep);
+        retain(&mut self.mass, keep);
+        retain(&mut self.volume, keep);
+        retain(&mut self.material, keep);
+        retain(&mut self.id, keep);
+        if let Some(rotation) = &mut self.rotation {
+            [&mut rotation.spin, &mut rotation.angle, &mut rotation.inertia]
+                .into_iter()
+                .for_each(|column| retain(column, keep));
+        }
+        if let Some(heat) = &mut self.heat {
+            [&mut heat.temperature, &mut heat.capacity].into_iter().for_each(|column| retain(column, keep));
+        }
+    }
+
+    /// Adds other grains after these, with numbers that follow. Spin and heat stay only if both have them.
     pub fn append(&mut self, more: Self) {
         if self.is_empty() {
             *self = more;
@@ -181,6 +213,8 @@ impl<const D: usize> Particles<D> {
         self.mass.extend(more.mass);
         self.volume.extend(more.volume);
         self.material.extend(more.material);
+        let next = self.id.iter().max().map_or(0, |last| last + 1);
+        self.id.extend(more.id.iter().map(|id| next + id));
         self.rotation = self.rotation.take().zip(more.rotation).map(|(mut all, more)| {
             all.spin.extend(more.spin);
             all.angle.extend(more.angle);

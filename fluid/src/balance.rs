@@ -58,14 +58,17 @@ pub(crate) struct Solved<'a, const D: usize, const B: usize> {
 impl<const D: usize, const B: usize> Solved<'_, D, B> {
     /// The balances without reactions, by condition.
     pub fn integrals(&self, out: &mut Vec<Balance<D>>) {
-        out.clear();
-        out.extend(self.conditions.iter().map(|condition| {
-            let mut balance = Balance::none(self.capacity.len());
-            for nodes in facets(&self.geometry.mesh, &condition.boundary) {
-                self.pass(condition, &Facet::new(&self.geometry.mesh, nodes), &mut balance);
+        out.resize_with(self.conditions.len(), || Balance::none(0));
+        for (condition, balance) in self.conditions.iter().zip(out) {
+            (balance.flux, balance.force) = (0.0, Vector::zeros());
+            for column in [&mut balance.scalars, &mut balance.carried] {
+                column.clear();
+                column.resize(self.capacity.len(), 0.0);
             }
-            balance
-        }));
+            for nodes in facets(&self.geometry.mesh, &condition.boundary) {
+                self.pass(condition, &Facet::new(&self.geometry.mesh, nodes), balance);
+            }
+        }
     }
 
     fn pass(&self, condition: &Condition<D>, facet: &Facet<'_, D>, out: &mut Balance<D>) {

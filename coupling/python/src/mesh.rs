@@ -113,7 +113,15 @@ impl Overlap {
 
 impl Cutter {
     fn cut(&mut self, position: &[Vector<2>], radius: &[f64]) -> voidage_fluid::Result<()> {
-        self.overlap.cut(&self.mesh, position, radius, &mut self.pieces, &mut Vec::new()).map(drop)
+        self.overlap.cut(&self.mesh, position, radius, &mut self.pieces, &mut Vec::new())?;
+        match self.overlap.outside().first() {
+            None => Ok(()),
+            Some(grain) => Err(voidage_fluid::Error::Mesh(format!(
+                "grain {grain} at {:?} of radius {} lies outside of the mesh",
+                position[*grain as usize].as_slice(),
+                radius[*grain as usize]
+            ))),
+        }
     }
 }
 

@@ -31,6 +31,8 @@ pub struct Overlap<const D: usize> {
     /// The cell of each grain's centre when last seen. It makes the search short and changes no result.
     hints: Vec<u32>,
     chunks: Vec<Chunk<D>>,
+    /// Grains that were outside of the mesh in the last cut.
+    outside: Vec<u32>,
     /// One per thread.
     scratch: Vec<Mutex<Scratch>>,
 }
@@ -53,8 +55,8 @@ struct Chunk<const D: usize> {
     /// Share of each grain that lies in the mesh.
     inside: Vec<f64>,
     report: CutReport,
-    /// The first grain outside of the mesh.
-    outside: Option<usize>,
+    /// Grains outside of the mesh.
+    outside: Vec<u32>,
 }
 
 /// The state of one spreading.
@@ -82,7 +84,7 @@ impl<const D: usize> Overlap<D> {
             return Err(Error::Mesh("grains can be cut by the mesh only in the plane so far (D = 2)".into()));
         }
         let locator = Locator::new(mesh)?;
-        Ok(Self { locator, hints: Vec::new(), chunks: Vec::new(), scratch: Vec::new() })
+        Ok(Self { locator, ..Self::default() })
     }
 
     /// Tells that the nodes of the mesh have moved; the cells must be the same. A new mesh needs a new `Overlap`.
@@ -99,7 +101,8 @@ impl<const D: usize> Overlap<D> {
     /// depends on nothing but its arguments: not on earlier calls and not on the number of threads.
     ///
     /// `inside` gets the share of each grain that lies in the mesh; the shares of its pieces are shares of that. Of a grain
-    /// cut in two by a thin wall the part with the centre counts. A grain wholly outside is an error.
+    /// cut in two by a thin wall the part with the centre counts. A grain wholly outside has no pieces, and is one of
+    /// [`Self::outside`].
     pub fn cut(
         &mut self,
         mesh: &Mesh<D>,
@@ -125,32 +128,29 @@ impl<const D: usize> Overlap<D> {
             let mut scratch = scratch[thread].lock().unwrap_or_else(PoisonError::into_inner);
             chunk.cut(mesh, locator, &mut scratch, hints, positions, radii);
         });
-        self.gather(positions, radii, pieces, inside)
+        Ok(self.gather(pieces, inside))
+    }
+
+    /// Grains that were wholly outside of the mesh in the last cut.
+    pub fn outside(&self) -> &[u32] {
+        &self.outside
+    }
+
+    /// Forgets where grains were: their numbers have changed.
+    pub fn forget(&mut self) {
+        self.hints.clear();
+        self.outside.clear();
     }
 
     /// Strings the chunks together.
-    fn gather(
-        &self,
-        positions: &[Vector<D>],
-        radii: &[f64],
-        pieces: &mut Pieces<D>,
-        inside: &mut Vec<f64>,
-    ) -> Result<CutReport> {
+    fn gather(&mut self, pieces: &mut Pieces<D>, inside: &mut Vec<f64>) -> CutReport {
         let mut report = CutReport::default();
         inside.clear();
+        self.outside.clear();
         pieces.clear();
         pieces.first.push(0);
         for (i, chunk) in self.chunks.iter().enumerate() {
-            if let Some(grain) = chunk.outside {
-                let grain = i * CHUNK + grain;
-                return Err(Error::Mesh(format!(
-                    "grain {grain} at {:?} of radius {} lies outside of the mesh\n  \
-                     help: keep grains in by [[walls]]; where a long step throws them out, coupling.iteration.auto = true \
-                     or a smaller time.step",
-                    positions[grain].as_slice(),
-                    radii[grain]
-                )));
-            }
+            self.outside.extend(chunk.outside.iter().map(|grain| (i * CHUNK) as u32 + grain));
             let before = pieces.len() as u32;
             pieces.first.extend(chunk.pieces.first.iter().map(|end| before + end));
             pieces.cell.extend_from_slice(&chunk.pieces.cell);
@@ -161,7 +161,7 @@ impl<const D: usize> Overlap<D> {
             report.defect = report.defect.max(chunk.report.defect);
         }
         report.pieces = pieces.len();
-        Ok(report)
+        report
     }
 }
 
@@ -178,21 +178,21 @@ impl<const D: usize> Chunk<D> {
         self.pieces.clear();
         self.inside.clear();
         self.report = CutReport::default();
-        self.outside = None;
+        self.outside.clear();
         for (i, ((hint, centre), &radius)) in hints.iter_mut().zip(positions).zip(radii).enumerate() {
             let start =
                 locator.locate(mesh, centre, Some(*hint)).or_else(|| nearest(mesh, locator, centre, radius));
             let whole = std::f64::consts::PI * radius * radius;
-            let Some(start) = start.filter(|_| radius > 0.0 && whole.is_finite()) else {
-                self.outside = Some(i);
-                return;
-            };
-            *hint = start;
-            let at_boundary = scratch.spread(mesh, locator.neighbours(), start, centre, radius);
+            let mut at_boundary = true;
+            scratch.parts.clear();
+            if let Some(start) = start.filter(|_| radius > 0.0 && whole.is_finite()) {
+                *hint = start;
+                at_boundary = scratch.spread(mesh, locator.neighbours(), start, centre, radius);
+            }
             let total: f64 = scratch.parts.iter().map(|part| part.area).sum();
             if total <= 0.0 {
-                self.outside = Some(i);
-                return;
+                self.outside.push(i as u32);
+                scratch.parts.clear();
             }
             for part in &scratch.parts {
                 self.pieces.cell.push(part.cell);

@@ -251,9 +251,8 @@ fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Option<Averages> {
 impl<const D: usize> GrainView<'_, D> {
     /// Writes a VTP file.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let numbers: Vec<u32> = (0..self.position.len() as u32).collect();
         let mut columns = vec![
-            Column::integers("id", &numbers),
+            Column::integers("id", self.id),
             Column::scalars("radius_m", self.radius),
             Column::vectors("velocity_m_per_s", self.velocity),
         ];

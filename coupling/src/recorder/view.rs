@@ -18,6 +18,8 @@ pub struct View<'a, const D: usize> {
 /// Columns of the grains.
 #[derive(Clone, Copy, Debug)]
 pub struct GrainView<'a, const D: usize> {
+    /// Numbers of the grains, for life.
+    pub id: &'a [u32],
     /// Centres, m.
     pub position: &'a [SVector<f64, D>],
     /// Velocities, m/s.

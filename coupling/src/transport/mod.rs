@@ -120,7 +120,7 @@ pub fn receive(
             Event::Nothing => {
                 let Err(error) = look() else { continue };
                 // It may have spoken between the last look at the channel and its end.
-                return match channel.poll(Duration::ZERO) {
+                return match channel.poll(Duration::from_millis(1)) {
                     Ok(Event::Frame(frame)) => Ok(*frame),
                     _ => Err(error),
                 };

@@ -1,0 +1,127 @@
+//! Grains that leave the mesh: through an open boundary they leave the run, through any other part that is an error.
+
+use crate::{Error, Mixture, Result};
+use voidage_dem::retain;
+use voidage_fluid::conditions::FlowCondition;
+use voidage_fluid::{Mesh, Vector};
+
+/// Number of the part of the boundary that is nearest to a point of the plane.
+fn nearest_part<const D: usize>(mesh: &Mesh<D>, x: &Vector<D>) -> Option<usize> {
+    let distance = |facet: &[u32]| {
+        let (a, b) = (mesh.points[facet[0] as usize], mesh.points[facet[1] as usize]);
+        let along = b - a;
+        let share = ((x - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+        (a + along * share - x).norm()
+    };
+    let nearest = |facets: &[u32]| facets.chunks_exact(D).map(distance).fold(f64::INFINITY, f64::min);
+    let parts = mesh.boundaries.iter().map(|part| nearest(&part.facets)).enumerate();
+    parts
+        .filter(|(_, distance)| distance.is_finite())
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(part, _)| part)
+}
+
+impl<const D: usize> Mixture<D> {
+    /// Checks that all grains outside of the mesh went there through an open boundary.
+    ///
+    /// # Errors
+    /// One went another way; which and where.
+    pub(crate) fn check_outside(&self) -> Result<()> {
+        let particles = &self.grains.particles;
+        for &grain in self.interaction.overlap.outside() {
+            let place = particles.position[grain as usize];
+            let part = nearest_part(&self.fluid.mesh, &place);
+            let name = part.map_or("", |part| self.fluid.mesh.boundaries[part].name.as_str());
+            let condition = self.fluid.conditions.iter().find(|condition| condition.boundary == name);
+            if condition.is_some_and(|condition| matches!(condition.flow, FlowCondition::Open { .. })) {
+                continue;
+            }
+            let id = particles.id[grain as usize];
+            return Err(Error::Run(format!(
+                "grain {id} at {:?} of radius {} lies outside of the mesh, behind its boundary \"{name}\"\n  \
+                 help: keep grains in by [[walls]], or open that boundary; where a long step throws them out, \
+                 coupling.iteration.auto = true or a smaller time.step",
+                place.as_slice(),
+                particles.radius[grain as usize]
+            )));
+        }
+        Ok(())
+    }
+
+    /// Takes out of the run the grains that the last cut found outside of the mesh: the end of a step.
+    pub(crate) fn dismiss(&mut self) {
+        let Self { grains, interaction, .. } = self;
+        let gone = interaction.overlap.outside();
+        if gone.is_empty() {
+            return;
+        }
+        let mut keep = vec![true; grains.particles.len()];
+        gone.iter().for_each(|&grain| keep[grain as usize] = false);
+        interaction.departed += gone.len() as u64;
+        grains.retain(&keep);
+        interaction.retain(&keep);
+    }
+}
+
+impl<const D: usize> crate::Interaction<D> {
+    /// Keeps the columns of the grains that are marked.
+    fn retain(&mut self, keep: &[bool]) {
+        let crate::load::GrainLoad { volume, drag, mobility, velocity, continuity, heat, .. } =
+            &mut self.load;
+        [volume, drag, mobility].into_iter().for_each(|column| retain(column, keep));
+        retain(velocity, keep);
+        if let Some(law) = continuity {
+            retain(&mut law.mobility, keep);
+            retain(&mut law.velocity, keep);
+        }
+        if let Some(heat) = heat {
+            [&mut heat.coefficient, &mut heat.mobility, &mut heat.temperature]
+                .into_iter()
+                .for_each(|column| retain(column, keep));
+        }
+        [&mut self.at.velocity, &mut self.at.pressure_gradient, &mut self.force]
+            .into_iter()
+            .for_each(|c| retain(c, keep));
+        [&mut self.at.temperature, &mut self.voidage, &mut self.heat]
+            .into_iter()
+            .for_each(|column| retain(column, keep));
+        if let Some(carried) = &mut self.carried {
+            [&mut carried.impulse, &mut carried.displacement]
+                .into_iter()
+                .for_each(|column| retain(column, keep));
+            retain(&mut carried.heat, keep);
+            // What is carried of grains that leave goes with them.
+            carried.change();
+        }
+        self.load.pieces.clear();
+        self.overlap.forget();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use voidage_fluid::mesh::{Rectangle, Side, Sides};
+
+    #[test]
+    fn the_part_that_a_grain_went_through_is_the_nearest() {
+        let [left, right, bottom, top] = ["left", "right", "bottom", "top"].map(Side::named);
+        let mesh = Mesh::rectangle(&Rectangle {
+            lower: [0.0; 2],
+            upper: [1.0, 2.0],
+            size: Some(0.3),
+            sides: Sides { left, right, bottom, top },
+            holes: vec![],
+            refine: vec![],
+            structured: None,
+        })
+        .expect("a valid rectangle");
+        for (place, name) in
+            [([0.5, 2.2], "top"), ([1.1, 0.3], "right"), ([-0.1, 1.9], "left"), ([0.5, -1.0], "bottom")]
+        {
+            let part = nearest_part(&mesh, &Vector::from(place)).expect("a part");
+            assert_eq!(mesh.boundaries[part].name, name);
+        }
+        assert_eq!(nearest_part(&mesh, &Vector::<2>::repeat(f64::NAN)), None);
+    }
+}
