@@ -4,6 +4,7 @@ use crate::placing;
 use crate::plot;
 use crate::progress::{News, Progress, duration};
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use tracing::{info, warn};
 use voidage_coupling::launch::Host;
 use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
 use voidage_coupling::scene::{Scene, Solver};
+use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Result, Simulation};
 
 /// Options of `voidage run`.
@@ -33,7 +35,7 @@ pub struct Options {
     #[arg(long)]
     threads: Option<usize>,
     /// Coupling scheme, instead of that of the scene.
-    #[arg(long)]
+    #[arg(long, value_parser = schemes())]
     scheme: Option<String>,
     /// Fluid solver, instead of that of the scene: rust; in a process of its own serve (the same), fenicsx, scikit-fem
     /// or python:MODULE; or one that is started by hand, attach:ADDRESS (shm:NAME or tcp:HOST:PORT).
@@ -49,8 +51,8 @@ pub struct Options {
 /// Options of fluid solvers in processes of their own.
 #[derive(Args)]
 pub struct Process {
-    /// How frames reach the process of a fluid solver: shm or tcp.
-    #[arg(long)]
+    /// How frames reach the process of a fluid solver.
+    #[arg(long, value_parser = ["shm", "tcp"])]
     transport: Option<String>,
     /// Longest time without a sign of life from the process of a fluid solver, s.
     #[arg(long, value_name = "S")]
@@ -67,6 +69,11 @@ impl Process {
         sets.extend(self.timeout.map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
         Ok(sets)
     }
+}
+
+/// The names of schemes.
+fn schemes() -> PossibleValuesParser {
+    PossibleValuesParser::new(SchemeName::ALL.map(SchemeName::name))
 }
 
 /// Runs a scene; the number is the exit code.

@@ -47,7 +47,7 @@ pub enum Error {
 #[derive(Debug, thiserror::Error)]
 pub enum PeerError {
     /// It has ended, or was killed.
-    #[error("it is gone")]
+    #[error("it is gone\n  help: `voidage doctor` says whether a solver can start here")]
     Gone,
     /// It is there and says nothing.
     #[error(

@@ -58,8 +58,19 @@ impl<const D: usize> Mixture<D> {
         let mut keep = vec![true; grains.particles.len()];
         gone.iter().for_each(|&grain| keep[grain as usize] = false);
         interaction.departed += gone.len() as u64;
-        grains.retain(&keep);
-        interaction.retain(&keep);
+        self.retain(&keep);
+    }
+
+    /// Keeps the grains of these numbers, which are in order, at a restart.
+    pub(crate) fn keep(&mut self, ids: &[u32]) {
+        let kept = self.grains.particles.id.iter().map(|id| ids.binary_search(id).is_ok());
+        let kept: Vec<bool> = kept.collect();
+        self.retain(&kept);
+    }
+
+    fn retain(&mut self, keep: &[bool]) {
+        self.grains.retain(keep);
+        self.interaction.retain(keep);
     }
 }
 

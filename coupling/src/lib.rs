@@ -1,7 +1,7 @@
 //! Everything between grains and fluid.
 //!
 //! [`Coupled`] holds what a scene has - grains, fluid, or a [`Mixture`] of both - and advances it ([`step`]), a mixture through
-//! a [`scheme`]. The seam
+//! a [`scheme`]. The equations are in [`model`]. The seam
 //! is one affine law ([`load::GrainLoad`]) that every scheme fills, and every fluid solver gets as point terms
 //! ([`exchange`]).
 
@@ -18,6 +18,7 @@ pub mod launch;
 mod leaving;
 pub mod load;
 pub mod mixture;
+pub mod model;
 pub mod motion;
 pub mod overlap;
 pub mod peer;

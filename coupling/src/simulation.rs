@@ -81,6 +81,9 @@ impl Simulation {
             coupled.take_anew(anew)?;
         }
         coupled.place_mesh();
+        if let (Some(mixture), Some(state)) = (coupled.mixture_mut(), &state.grains) {
+            mixture.keep(&state.particles.id);
+        }
         if let (Some(grains), Some(state)) = (coupled.grains_mut(), state.grains) {
             grains.restore(state)?;
         }

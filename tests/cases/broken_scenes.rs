@@ -51,6 +51,24 @@ const MISTAKES: &[Mistake] = &[
         "radius =",
         &["grains[0].radius.uniform", "length 2"],
     ),
+    mistake(
+        "a choice made twice",
+        ["{ uniform = [5e-4, 6e-4] }", "{ uniform = [5e-4, 6e-4], constant = 5e-4 }"],
+        "radius =",
+        &["grains[0].radius", "2 keys (`constant`, `uniform`), where one is chosen"],
+    ),
+    mistake(
+        "one table where a list of them belongs",
+        ["[[grains]]", "[grains]"],
+        "[grains]",
+        &["grains", "expected a list", "`[[grains]]`"],
+    ),
+    mistake(
+        "an unknown key that has a Rust word in it",
+        ["radius =", "remap ="],
+        "remap",
+        &["grains[0].remap", "unknown field `remap`"],
+    ),
     mistake("negative count", ["count = 40", "count = -40"], "amount =", &["grains[0].amount", "-40"]),
     mistake("missing key", ["viscosity = 2e-5\n", ""], "[fluid]", &["missing field `viscosity`", "Pa s"]),
     mistake(

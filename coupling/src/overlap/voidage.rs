@@ -6,7 +6,7 @@ use voidage_fluid::{Mesh, Vector};
 /// Voidage is clipped below at this (no unit): equations stay regular where grains fill everything.
 pub const LEAST_VOIDAGE: f64 = 1e-8;
 
-/// Voidage at the nodes (Eq. A.15): 1 - eps_a = sum_q V_q phi_a(x_q) / integral(phi_a), clipped below at
+/// Voidage at the nodes (Eq. A.14): 1 - eps_a = sum_q V_q phi_a(x_q) / integral(phi_a), clipped below at
 /// [`LEAST_VOIDAGE`].
 ///
 /// `volume` is the solid volume of each body and `nodal_volume` the integral of each shape function

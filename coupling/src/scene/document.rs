@@ -11,10 +11,43 @@ use toml::{Table, Value};
 pub trait Document: DeserializeOwned + JsonSchema {
     /// The command that lists all keys.
     const KEYS: &'static str;
+
+    /// Writes out what a person may write in short.
+    fn expand(_document: &mut Table) {}
 }
 
 impl Document for Scene {
     const KEYS: &'static str = "voidage schema";
+
+    /// `radius = 5e-4` for `{constant = 5e-4}`; `"open"` for `{open = {}}`, of scalars `"outflow"` for `{outflow = {}}`.
+    fn expand(document: &mut Table) {
+        let alone = |key: &str, value: Value| Value::Table(Table::from_iter([(key.to_owned(), value)]));
+        let in_short = |value: &mut Value, word: &str| {
+            if value.as_str() == Some(word) {
+                *value = alone(word, Value::Table(Table::new()));
+            }
+        };
+        for group in tables(document.get_mut("grains")) {
+            if let Some(radius) = group.get_mut("radius").filter(|r| r.is_float() || r.is_integer()) {
+                *radius = alone("constant", radius.clone());
+            }
+        }
+        let boundaries = document.get_mut("fluid").and_then(|fluid| fluid.get_mut("boundaries"));
+        for boundary in tables(boundaries) {
+            for key in ["flow", "heat"] {
+                boundary.get_mut(key).into_iter().for_each(|value| in_short(value, "open"));
+            }
+            let scalars = boundary.get_mut("scalars").and_then(Value::as_table_mut);
+            for (_, value) in scalars.into_iter().flatten() {
+                in_short(value, "outflow");
+            }
+        }
+    }
+}
+
+/// The tables of a list of tables.
+fn tables(list: Option<&mut Value>) -> impl Iterator<Item = &mut Table> {
+    list.and_then(Value::as_array_mut).into_iter().flatten().filter_map(Value::as_table_mut)
 }
 
 /// What is wrong in a table, and where.
@@ -55,10 +88,15 @@ pub(super) fn parse<T: Document>(file: &Path, text: &str) -> Result<(Table, Orig
 /// A key that does not exist or is missing, a value of the wrong kind.
 pub fn fill<T: Document>(document: &Table) -> Result<T, Fault> {
     let mut track = serde_path_to_error::Track::new();
-    let value = Value::Table(document.clone());
+    let mut expanded = document.clone();
+    T::expand(&mut expanded);
+    let value = Value::Table(expanded);
     T::deserialize(serde_path_to_error::Deserializer::new(value, &mut track)).map_err(|error| {
         let mut steps: Vec<Segment> = track.path().iter().filter_map(to_segment).collect();
-        let message = one_line(error.message());
+        let mut message = one_line(error.message());
+        if let (true, Some(keys)) = (message.starts_with(ONE_ELEMENT), keys_at(document, &steps)) {
+            message = format!("holds {} keys ({}), where one is chosen", keys.len(), keys.join(", "));
+        }
         let unknown = quoted_after(&message, "unknown field `");
         if let Some(key) = unknown.as_ref().filter(|key| steps.last() != Some(&Segment::Key((*key).clone())))
         {
@@ -70,6 +108,9 @@ pub fn fill<T: Document>(document: &Table) -> Result<T, Fault> {
         let documented: Vec<Segment> = steps.iter().cloned().chain(documented).collect();
         let help = match (&unknown, schema::describe::<T>(&documented)) {
             (Some(key), _) => remedy_of_unknown(key, &message),
+            (None, _) if message.contains("expected a list") && keys_at(document, &steps).is_some() => {
+                format!("a list of tables is written `[[{}]]`", join(&steps))
+            }
             (None, Some(text)) => format!("{}: {text}", join(&documented)),
             (None, None) => format!("`{}` lists all keys", T::KEYS),
         };
@@ -92,7 +133,10 @@ fn to_segment(segment: &serde_path_to_error::Segment) -> Option<Segment> {
     }
 }
 
-/// Says what serde says, for readers who know TOML rather than Rust.
+/// How serde begins when a choice has been made twice.
+const ONE_ELEMENT: &str = "wanted exactly 1 element";
+
+/// Says what serde says, for readers who know TOML rather than Rust. Names in quotes stay as they are.
 fn one_line(message: &str) -> String {
     let words = [
         ("floating point ", "number "),
@@ -105,8 +149,13 @@ fn one_line(message: &str) -> String {
         ("struct ", "a table of "),
         ("array of length", "list of length"),
     ];
+    let plain =
+        |text: &str| words.iter().fold(text.to_owned(), |text, (rust, plain)| text.replace(rust, plain));
     let message = message.trim().replace('\n', "; ");
-    words.iter().fold(message, |message, (rust, plain)| message.replace(rust, plain))
+    let parts = message.split('`').enumerate();
+    let parts: Vec<String> =
+        parts.map(|(i, part)| if i % 2 == 0 { plain(part) } else { part.to_owned() }).collect();
+    parts.join("`")
 }
 
 fn quoted_after(message: &str, start: &str) -> Option<String> {
@@ -140,7 +189,19 @@ fn distance(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
+/// The keys of the table at a place.
+fn keys_at(document: &Table, steps: &[Segment]) -> Option<Vec<String>> {
+    let keys = |table: &Table| table.keys().map(|key| format!("`{key}`")).collect();
+    node_at(document, steps)?.as_table().map(keys)
+}
+
 fn value_at(document: &Table, steps: &[Segment]) -> Option<String> {
+    let node = node_at(document, steps)?;
+    let text = node.to_string();
+    (!node.is_table() && text.len() <= 60).then_some(text)
+}
+
+fn node_at<'a>(document: &'a Table, steps: &[Segment]) -> Option<&'a Value> {
     let mut steps = steps.iter();
     let Some(Segment::Key(first)) = steps.next() else { return None };
     let mut node = document.get(first)?;
@@ -150,8 +211,7 @@ fn value_at(document: &Table, steps: &[Segment]) -> Option<String> {
             Segment::Index(index) => node.get(*index)?,
         };
     }
-    let text = node.to_string();
-    (!node.is_table() && text.len() <= 60).then_some(text)
+    Some(node)
 }
 
 /// Every number of a document is finite.

@@ -165,14 +165,14 @@ pub struct Boundary {
     /// Name of the part, as the mesh has it.
     pub name: String,
     /// Condition of the flow: `{velocity = [..]}`, `{superficial_velocity = [..]}`, `"no-slip"`, `"slip"` or
-    /// `{open = {pressure = 0.0}}`.
+    /// `{open = {pressure = 0.0}}`, in short `"open"`.
     pub flow: Flow,
     /// Condition of the temperature: `{temperature = T}`, `{newton = {coefficient = h, temperature = T}}`,
     /// `"adiabatic"` or `{open = {temperature = T}}`. Default: adiabatic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatBoundary>,
     /// Conditions of other scalars by name: `{tracer = {value = 1.0}}`, `{transfer = {coefficient = h, outside = s}}`,
-    /// `"insulated"` or `{outflow = {outside = s}}`. Default: insulated.
+    /// `"insulated"` or `{outflow = {outside = s}}`, in short `"outflow"`. Default: insulated.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub scalars: BTreeMap<String, ScalarBoundary>,
 }

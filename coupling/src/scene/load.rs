@@ -34,7 +34,11 @@ impl Scene {
             (scene, document) = match (fill(&edit.inserted), fill(&edit.replaced)) {
                 (Ok(scene), _) => (scene, edit.inserted),
                 (Err(_), Ok(scene)) => (scene, edit.replaced),
-                (Err(fault), Err(_)) => return Err(origin.at(place, fault.message, fault.help)),
+                // Beside another choice the new one cannot be read; in its place it may be wrong for a reason of its own.
+                (Err(first), Err(alone)) => {
+                    let fault = if first.message.contains(", where one is chosen") { alone } else { first };
+                    return Err(origin.at(place, fault.message, fault.help));
+                }
             };
             origin.sets.push((edit.path, option.clone()));
             document::finite::<Scene>(&document, &origin)?;

@@ -58,6 +58,18 @@ impl SchemeName {
     pub const ALL: [Self; 6] =
         [Self::Explicit, Self::Henry, Self::HenryFree, Self::Lagged, Self::Anchored, Self::Iterated];
 
+    /// The name in scenes and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Explicit => "explicit",
+            Self::Henry => "henry",
+            Self::HenryFree => "henry-free",
+            Self::Lagged => "lagged",
+            Self::Anchored => "anchored",
+            Self::Iterated => "iterated",
+        }
+    }
+
     /// The scheme of this name; `iteration` is for [`Self::Iterated`] only.
     pub fn build<const D: usize>(self, iteration: &iterated::Iteration) -> Box<dyn Scheme<D>> {
         match self {
@@ -73,14 +85,7 @@ impl SchemeName {
 
 impl std::fmt::Display for SchemeName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Explicit => "explicit",
-            Self::Henry => "henry",
-            Self::HenryFree => "henry-free",
-            Self::Lagged => "lagged",
-            Self::Anchored => "anchored",
-            Self::Iterated => "iterated",
-        })
+        f.write_str(self.name())
     }
 }
 
