@@ -80,10 +80,10 @@ fn fluid(scene: &Scene) -> Result<()> {
     }
     part("  mesh motion", fluid.mesh_motion.as_ref(), |motion| {
         let what = motion.boundary.as_deref().unwrap_or("inside");
-        let anew = motion.remesh.map_or(String::new(), |remesh| {
-            format!(", made anew after {} steps or below {} degrees", remesh.every, remesh.angle)
+        let remeshed = motion.remesh.map_or(String::new(), |remesh| {
+            format!(", remeshed after {} steps or below {} degrees", remesh.every, remesh.angle)
         });
-        format!("{what} by {:?} m, {} times a second{anew}", motion.amplitude.0, motion.frequency)
+        format!("{what} by {:?} m, {} times a second{remeshed}", motion.amplitude.0, motion.frequency)
     });
     let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
     line("  boundaries", names.join(", "));

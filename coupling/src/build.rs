@@ -5,10 +5,10 @@ use crate::closure::ThermalFluid;
 use crate::error::{Error, Result};
 use crate::exchange::AtGrains;
 use crate::launch::{self, Host};
-use crate::motion::Swing;
+use crate::motion::Oscillation;
 use crate::placing::{Placed, Placing};
 use crate::protocol::Setup;
-use crate::renewal::Renewal;
+use crate::remesh::Remesher;
 use crate::scene::{self, Scene};
 use crate::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
 use voidage_dem::{Conduction, ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
@@ -221,18 +221,18 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
     let mut fluid = Fluid::new(backend(scene, host)?, mesh, start, names, conditions(described))?;
     fluid.ramp = described.ramp;
     if let Some(motion) = &described.mesh_motion {
-        fluid.motion = Some(swing(scene, motion, &fluid.mesh)?);
-        fluid.renewal = motion.remesh.map(|when| Renewal::new(&fluid.mesh, when));
+        fluid.motion = Some(oscillation(scene, motion, &fluid.mesh)?);
+        fluid.remesher = motion.remesh.map(|when| Remesher::new(&fluid.mesh, when));
     }
     Ok(fluid)
 }
 
-fn swing(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Swing<2>> {
+fn oscillation(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Oscillation<2>> {
     let (amplitude, boundary) = (motion.amplitude.vector(), motion.boundary.as_deref());
-    let swing = Swing::new(mesh, amplitude, motion.frequency, boundary);
-    let followed = swing.and_then(|swing| match motion.remesh {
-        Some(_) => Ok(swing),
-        None => swing.check(mesh).map(|()| swing),
+    let oscillation = Oscillation::new(mesh, amplitude, motion.frequency, boundary);
+    let followed = oscillation.and_then(|oscillation| match motion.remesh {
+        Some(_) => Ok(oscillation),
+        None => oscillation.check(mesh).map(|()| oscillation),
     });
     followed.map_err(|error| {
         let message = format!("`fluid.mesh_motion`: {error}");

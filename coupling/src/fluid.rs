@@ -4,8 +4,8 @@ use crate::StepReport;
 use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
 use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
-use crate::motion::Swing;
-use crate::renewal::Renewal;
+use crate::motion::Oscillation;
+use crate::remesh::Remesher;
 use std::borrow::Cow;
 use voidage_fluid::Mesh;
 use voidage_fluid::conditions::{Condition, FlowCondition};
@@ -39,9 +39,9 @@ pub struct Fluid<const D: usize> {
     /// Integral of each shape function, m3 (m2 in the plane).
     pub nodal_volume: Vec<f64>,
     /// How the mesh moves; absent if it stands still.
-    pub motion: Option<Swing<D>>,
-    /// How it is made anew; absent if it never is.
-    pub renewal: Option<Renewal<D>>,
+    pub motion: Option<Oscillation<D>>,
+    /// When the domain is remeshed; absent if it never is.
+    pub remesher: Option<Remesher<D>>,
     /// Time and steps of the accepted fields.
     pub clock: Clock,
     /// Which mesh the solver has.
@@ -72,7 +72,7 @@ impl<const D: usize> Fluid<D> {
             conditions,
             ramp: 0.0,
             motion: None,
-            renewal: None,
+            remesher: None,
             clock: Clock::default(),
             generation: 0,
             moved: true,
@@ -156,7 +156,7 @@ impl<const D: usize> Default for Fluid<D> {
             ramp: 0.0,
             nodal_volume: vec![],
             motion: None,
-            renewal: None,
+            remesher: None,
             clock: Clock::default(),
             generation: 0,
             moved: true,

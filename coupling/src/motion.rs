@@ -3,15 +3,15 @@
 use crate::{Coupled, Fluid, Mixture, System};
 use serde::{Deserialize, Serialize};
 use voidage_fluid::harmonic::harmonic;
-use voidage_fluid::mesh::Renewed;
+use voidage_fluid::mesh::Remeshed;
 use voidage_fluid::{Error, Mesh, MeshMotion, Result, Vector};
 
-/// A mesh that swings: x(t) = x(0) + weight amplitude sin(2 pi frequency t), with a weight of each node between 0 and 1.
+/// A mesh that oscillates: x(t) = x(0) + weight amplitude sin(2 pi frequency t), with a weight of each node between 0 and 1.
 ///
-/// The weight is 1 on the part of the boundary that swings, 0 on the others, and harmonic between. Without such a part
-/// only the inside of the mesh swings: then the weight solves -lap b = 1, scaled to a largest value of 1.
+/// The weight is 1 on the part of the boundary that oscillates, 0 on the others, and harmonic between. Without such a part
+/// only the inside of the mesh oscillates: then the weight solves -lap b = 1, scaled to a largest value of 1.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Swing<const D: usize> {
+pub struct Oscillation<const D: usize> {
     /// Places at the time of `origin`.
     rest: Vec<Vector<D>>,
     weight: Vec<f64>,
@@ -24,8 +24,8 @@ pub struct Swing<const D: usize> {
     velocity: Vec<Vector<D>>,
 }
 
-impl Swing<2> {
-    /// A swing of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that moves.
+impl Oscillation<2> {
+    /// A oscillation of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that moves.
     ///
     /// # Errors
     /// There is no such part.
@@ -47,7 +47,7 @@ impl Swing<2> {
         Ok(Self { rest, weight, amplitude, rate, origin: 0.0, velocity: Vec::new() })
     }
 
-    /// Whether one mesh can follow all of the swing. The nodes move along straight lines and each cell's measure is a square
+    /// Whether one mesh can follow all of the oscillation. The nodes move along straight lines and each cell's measure is a square
     /// polynomial of sin(2 pi f t): where it is positive at both ends and at its least between them, it always is.
     ///
     /// # Errors
@@ -75,7 +75,7 @@ impl Swing<2> {
     }
 }
 
-impl<const D: usize> Swing<D> {
+impl<const D: usize> Oscillation<D> {
     fn place(&self, sine: f64, points: &mut [Vector<D>]) {
         for ((point, rest), weight) in points.iter_mut().zip(&self.rest).zip(&self.weight) {
             *point = rest + self.amplitude * (weight * (sine - self.origin));
@@ -96,9 +96,9 @@ impl<const D: usize> Swing<D> {
         self.velocity.extend(self.weight.iter().map(|weight| mean * *weight));
     }
 
-    /// The same swing of a mesh that was made anew at a time, s.
-    pub(crate) fn renewed(&self, renewed: &Renewed<D>, time: f64) -> Self {
-        let (rest, weight) = (renewed.mesh.points.clone(), renewed.carry(&self.weight));
+    /// The same oscillation of a mesh that is new at a time, s.
+    pub(crate) fn remeshed(&self, remeshed: &Remeshed<D>, time: f64) -> Self {
+        let (rest, weight) = (remeshed.mesh.points.clone(), remeshed.carry(&self.weight));
         Self { rest, weight, origin: (self.rate * time).sin(), velocity: Vec::new(), ..*self }
     }
 
@@ -112,7 +112,7 @@ impl<const D: usize> Fluid<D> {
     /// Moves the nodes of a mesh that moves; what was computed of their places follows. Returns whether it moves.
     pub(crate) fn move_mesh(
         &mut self,
-        move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>]),
+        move_nodes: impl FnOnce(&mut Oscillation<D>, f64, &mut [Vector<D>]),
     ) -> bool {
         let Some(motion) = &mut self.motion else { return false };
         move_nodes(motion, self.clock.time, &mut self.mesh.points);
@@ -124,7 +124,7 @@ impl<const D: usize> Fluid<D> {
 
 impl<const D: usize> Mixture<D> {
     /// Moves the nodes of a mesh that moves, under the grains.
-    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>])) {
+    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Oscillation<D>, f64, &mut [Vector<D>])) {
         if self.fluid.move_mesh(move_nodes) {
             self.interaction.overlap.moved(&self.fluid.mesh);
         }
@@ -138,7 +138,7 @@ impl<const D: usize> Coupled<D> {
     }
 
     /// Moves the nodes. Schemes find the mesh where it is at the end of the step.
-    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Swing<D>, f64, &mut [Vector<D>])) {
+    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Oscillation<D>, f64, &mut [Vector<D>])) {
         match &mut self.system {
             System::Grains(..) => {}
             System::Fluid(fluid) => drop(fluid.move_mesh(move_nodes)),
@@ -171,11 +171,14 @@ mod tests {
         let mut mesh = mesh();
         let rest = mesh.points.clone();
         let amplitude = Vector::<2>::new(0.0, 0.05);
-        let mut swing = Swing::new(&mesh, amplitude, 0.25, Some("lid")).expect("a boundary");
-        swing.advance(0.0, 1.0, &mut mesh.points);
+        let mut oscillation = Oscillation::new(&mesh, amplitude, 0.25, Some("lid")).expect("a boundary");
+        oscillation.advance(0.0, 1.0, &mut mesh.points);
         for (node, (now, then)) in mesh.points.iter().zip(&rest).enumerate() {
             let moved = now - then;
-            assert!((moved - swing.velocity[node]).norm() < 1e-15, "a quarter of a period in one second");
+            assert!(
+                (moved - oscillation.velocity[node]).norm() < 1e-15,
+                "a quarter of a period in one second"
+            );
             assert!(moved[0] == 0.0 && (-1e-15..=0.05 + 1e-15).contains(&moved[1]), "{moved}");
             if then[1] == 1.0 {
                 assert!((moved - amplitude).norm() < 1e-14);
@@ -183,7 +186,7 @@ mod tests {
                 assert_eq!(moved.norm(), 0.0);
             }
         }
-        swing.at(0.0, &mut mesh.points);
+        oscillation.at(0.0, &mut mesh.points);
         assert_eq!(mesh.points, rest);
     }
 
@@ -191,13 +194,15 @@ mod tests {
     fn the_inside_swings_alone_and_no_cell_may_turn_over() {
         let mesh = mesh();
         let amplitude = Vector::<2>::new(0.05, 0.02);
-        let swing = Swing::new(&mesh, amplitude, 1.0, None).expect("a swing");
-        swing.check(&mesh).expect("a gentle swing");
-        assert_eq!(swing.weight.iter().copied().fold(0.0, f64::max), 1.0);
-        assert!(mesh.boundaries.iter().flat_map(|p| &p.facets).all(|&n| swing.weight[n as usize] == 0.0));
-        let far = Swing::new(&mesh, amplitude * 20.0, 1.0, None).expect("a swing");
+        let oscillation = Oscillation::new(&mesh, amplitude, 1.0, None).expect("a oscillation");
+        oscillation.check(&mesh).expect("a gentle oscillation");
+        assert_eq!(oscillation.weight.iter().copied().fold(0.0, f64::max), 1.0);
+        assert!(
+            mesh.boundaries.iter().flat_map(|p| &p.facets).all(|&n| oscillation.weight[n as usize] == 0.0)
+        );
+        let far = Oscillation::new(&mesh, amplitude * 20.0, 1.0, None).expect("a oscillation");
         let error = far.check(&mesh).expect_err("too far");
         assert!(error.to_string().contains("turns over"), "{error}");
-        assert!(Swing::new(&mesh, amplitude, 1.0, Some("door")).is_err());
+        assert!(Oscillation::new(&mesh, amplitude, 1.0, Some("door")).is_err());
     }
 }

@@ -19,7 +19,7 @@ pub struct Phases {
     pub transport: f64,
     /// Contacts and motion of the grains.
     pub contacts: f64,
-    /// Meshes made anew.
+    /// Remeshing.
     pub remesh: f64,
 }
 
@@ -74,8 +74,8 @@ pub struct StepReport {
     pub solid_volume_defect: Option<f64>,
     /// How far the grains are from what the fluid expected; with both only.
     pub agreement: Option<Agreement>,
-    /// Whether the mesh was made anew after the step.
-    pub renewed: bool,
+    /// Whether the domain was remeshed after the step.
+    pub remeshed: bool,
 }
 
 impl StepReport {

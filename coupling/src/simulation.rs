@@ -7,7 +7,7 @@ use crate::exchange::AtGrains;
 use crate::launch::Host;
 use crate::placing::Placing;
 use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, View, column_name};
-use crate::renewal::Anew;
+use crate::remesh::RemeshState;
 use crate::scene::Scene;
 use crate::totals::{Overlap, Totals};
 use crate::{Agreement, Carried, Coupled, Fluid, StepReport, TEMPERATURE, build};
@@ -34,7 +34,7 @@ pub struct State {
     steps: u64,
     grains: Option<voidage_dem::State<2>>,
     fluid: Option<flow::State<2>>,
-    anew: Option<Anew<2>>,
+    remeshed: Option<RemeshState<2>>,
     at: Option<AtGrains<2>>,
     carried: Option<Carried<2>>,
     departed: u64,
@@ -77,8 +77,8 @@ impl Simulation {
         let state: State = checkpoint.state()?;
         let coupled = &mut self.coupled;
         coupled.set_time(state.time, state.steps);
-        if let Some(anew) = state.anew {
-            coupled.take_anew(anew)?;
+        if let Some(remeshed) = state.remeshed {
+            coupled.take_remeshed(remeshed)?;
         }
         coupled.place_mesh();
         if let (Some(mixture), Some(state)) = (coupled.mixture_mut(), &state.grains) {
@@ -341,7 +341,7 @@ impl Simulation {
             steps: coupled.steps(),
             grains: coupled.grains().map(|grains| grains.state()),
             fluid,
-            anew: coupled.fluid().and_then(Fluid::anew),
+            remeshed: coupled.fluid().and_then(Fluid::remesh_state),
             at: coupled.interaction().map(|interaction| interaction.at.clone()),
             carried: coupled.interaction().and_then(|interaction| interaction.carried.clone()),
             departed: coupled.interaction().map_or(0, |interaction| interaction.departed),

@@ -28,7 +28,7 @@ impl<const D: usize> Coupled<D> {
         Self { system, scheme }
     }
 
-    /// One step of `dt`: the mesh moves, grains and fluid move, and the mesh is made anew if it is time.
+    /// One step of `dt`: the mesh moves, grains and fluid move, and the domain is remeshed if it is time.
     ///
     /// # Errors
     /// The fluid solver failed or a grain left the mesh; the state is then that before the step (before the part that failed, where a scheme
@@ -53,7 +53,7 @@ impl<const D: usize> Coupled<D> {
                 mixture.dismiss();
             }
         }
-        self.renew_mesh(&mut report)?;
+        self.remesh(&mut report)?;
         Ok(report)
     }
 

@@ -23,7 +23,7 @@ pub struct Totals {
     pub unconverged: Tally,
     /// Solutions of the fluid; with grains and fluid only.
     pub fluid_solves: Option<u64>,
-    /// Meshes made anew on the way.
+    /// Remeshings on the way.
     pub remeshings: u64,
     /// Steps in which grains and fluid did not agree within the tolerance; their disagreement. With both only.
     pub disagreeing: Option<Tally>,
@@ -90,7 +90,7 @@ impl Totals {
         };
         self.steps += 1;
         self.phases.add(&report.phases);
-        self.remeshings += u64::from(report.renewed);
+        self.remeshings += u64::from(report.remeshed);
         if let Some(grains) = report.grains.filter(|grains| !grains.converged) {
             self.unconverged.add(step, grains.residual);
         }

@@ -303,7 +303,7 @@ const MISTAKES: &[Mistake] = &[
         &["coupling.iteration.travel = 0.5", "auto = true"],
     ),
     mistake(
-        "a mesh made anew after no step",
+        "remeshing after no step",
         [
             "[fluid.heat]",
             "[fluid.mesh_motion]\namplitude = [1e-4, 0.0]\nfrequency = 1.0\nremesh = { every = 0 }\n\n[fluid.heat]",

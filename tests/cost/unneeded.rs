@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
 use voidage_coupling::protocol::StepMessage;
-use voidage_coupling::renewal::Remesh;
+use voidage_coupling::remesh::Remesh;
 use voidage_coupling::scene::{Cohesion, Conduction, Coordinates, MeshMotion, ThinCell};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Result, Scene, Simulation};
@@ -219,7 +219,7 @@ const PARTS: &[Part] = &[
         adds: Added { wire: [0, 4], memory: [0, 4], ..NOTHING },
     },
     Part {
-        name: "moving mesh that may be made anew",
+        name: "moving mesh with remeshing",
         on: |scene| {
             let remesh = Some(Remesh { every: 1000, angle: 0.0 });
             let amplitude = Coordinates(vec![1e-9, 0.0]);

@@ -6,9 +6,9 @@ use voidage::models::{self, FluidSet, Vec2, three_per_cell};
 use voidage_coupling::backend::{FluidBackend, FluidStep, Immersed, Model, RustFluid, Solution};
 use voidage_coupling::exchange::{OnMesh, Rigid};
 use voidage_coupling::load::GrainLoad;
-use voidage_coupling::motion::Swing;
+use voidage_coupling::motion::Oscillation;
 use voidage_coupling::overlap::{self, Overlap};
-use voidage_coupling::renewal::{Remesh, Renewal};
+use voidage_coupling::remesh::{Remesh, Remesher};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, HEAT, Scene, Simulation, System, TEMPERATURE};
@@ -95,7 +95,7 @@ fn a_uniform_stream_stays_uniform_however_the_nodes_move() {
     }
 }
 
-/// L2 errors of velocity and pressure of decaying vortices in a box with slip, the nodes inside swinging.
+/// L2 errors of velocity and pressure of decaying vortices in a box with slip, the nodes inside oscillating.
 fn vortex_errors(squares: usize) -> [f64; 2] {
     const VISCOSITY: f64 = 0.05;
     const END: f64 = 0.25;
@@ -109,8 +109,8 @@ fn vortex_errors(squares: usize) -> [f64; 2] {
     let pressure =
         |x: &Vec2, t: f64| 0.25 * ((2.0 * PI * x.x).cos() + (2.0 * PI * x.y).cos()) * decay(t) * decay(t);
     let places = |t: f64| -> Vec<Vec2> {
-        let swing = Vec2::new(0.04, -0.03) * (4.0 * PI * t).sin();
-        rest.iter().map(|x| x + swing * ((PI * x.x).sin() * (PI * x.y).sin())).collect()
+        let oscillation = Vec2::new(0.04, -0.03) * (4.0 * PI * t).sin();
+        rest.iter().map(|x| x + oscillation * ((PI * x.x).sin() * (PI * x.y).sin())).collect()
     };
     let mut set = FluidSet::new(1.0, VISCOSITY);
     set.conditions.iter_mut().for_each(|condition| condition.flow = FlowCondition::Slip);
@@ -280,14 +280,14 @@ fn in_a_closed_box_no_node_is_special() {
     }
 }
 
-/// The bed over a swinging rod, with some keys set.
+/// The bed over a oscillating rod, with some keys set.
 fn swinging_bed(sets: &[&str]) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/scenes/moving-mesh.toml");
     let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
     Scene::read(&path, &sets).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Grains over a swinging rod, end to end: the mesh is where the law puts it, all of the grains is on it, forces balance.
+/// Grains over a oscillating rod, end to end: the mesh is where the law puts it, all of the grains is on it, forces balance.
 #[test]
 fn a_scene_swings_its_mesh() {
     let scene = swinging_bed(&[]);
@@ -301,8 +301,8 @@ fn a_scene_swings_its_mesh() {
     let sine = (2.0 * PI * motion.frequency * bed.time()).sin();
     let rod = mesh.boundary("rod").expect("a rod").clone();
     for &node in &rod.facets {
-        let swing = mesh.points[node as usize] - rest[node as usize];
-        assert!((swing - motion.amplitude.vector::<2>() * sine).norm() < 1e-15);
+        let oscillation = mesh.points[node as usize] - rest[node as usize];
+        assert!((oscillation - motion.amplitude.vector::<2>() * sine).norm() < 1e-15);
     }
     bed.refresh().expect("fields");
     let fluid = bed.view().fluid.expect("a fluid");
@@ -315,9 +315,9 @@ fn a_scene_swings_its_mesh() {
     assert!(totals.solid_volume_defect.expect("both") < 1e-12);
 }
 
-/// A rod that swings further than one mesh can follow: meshes made anew can, and nothing is lost of the grains or the forces.
+/// A rod that oscillates further than one mesh can follow: remeshing can, and nothing is lost of the grains or the forces.
 #[test]
-fn meshes_made_anew_follow_what_one_mesh_cannot() {
+fn remeshing_follows_what_one_mesh_cannot() {
     let wide = "fluid.mesh_motion.amplitude=[1.5e-2, 0.0]";
     let error = Simulation::new(&swinging_bed(&[wide])).err().expect("cells turn over").to_string();
     assert!(error.contains("turns over on the way") && error.contains("remesh"), "{error}");
@@ -345,19 +345,19 @@ fn meshes_made_anew_follow_what_one_mesh_cannot() {
 
 /// Interpolation keeps what is linear, so a uniform stream does not notice new meshes.
 #[test]
-fn a_uniform_stream_stays_uniform_when_the_mesh_is_made_anew() {
+fn a_uniform_stream_stays_uniform_when_the_domain_is_remeshed() {
     let mesh = grid([1.0, 0.5], [10, 5]);
     let (set, start) = in_a_stream(&mesh);
     let mut fluid = set.build(mesh, start).expect("a valid fluid");
-    let swing = Swing::new(&fluid.mesh, Vec2::new(0.1, 0.05), 1.0, None).expect("a swing");
-    fluid.renewal = Some(Renewal::new(&fluid.mesh, Remesh { every: 2, angle: 0.0 }));
-    fluid.motion = Some(swing);
+    let oscillation = Oscillation::new(&fluid.mesh, Vec2::new(0.1, 0.05), 1.0, None).expect("a oscillation");
+    fluid.remesher = Some(Remesher::new(&fluid.mesh, Remesh { every: 2, angle: 0.0 }));
+    fluid.motion = Some(oscillation);
     let first = fluid.mesh.clone();
     let scheme = SchemeName::Henry.build(&Iteration::default());
     let mut flow = Coupled::new(System::Fluid(fluid), scheme);
     for step in 1..=6 {
         let report = flow.step(0.05).expect("a step");
-        assert_eq!(report.renewed, step % 2 == 0);
+        assert_eq!(report.remeshed, step % 2 == 0);
     }
     let fluid = flow.fluid_mut().expect("a fluid");
     assert_ne!(first.cells, fluid.mesh.cells);

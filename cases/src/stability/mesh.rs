@@ -1,15 +1,15 @@
-//! A mesh that swings through a bed at rest under an inflow, and one that is made anew on the way: whatever the nodes do, what
+//! A mesh that oscillates through a bed at rest under an inflow, and one whose domain is remeshed on the way: whatever the nodes do, what
 //! flows in flows out.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::LIQUID;
 use crate::models::Vec2;
-use voidage_coupling::motion::Swing;
-use voidage_coupling::renewal::{Remesh, Renewal};
+use voidage_coupling::motion::Oscillation;
+use voidage_coupling::remesh::{Remesh, Remesher};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Result};
 
-/// Amplitude of the swing in elements, and steps.
+/// Amplitude of the oscillation in elements, and steps.
 const AMPLITUDE: f64 = 2.0;
 const STEPS: usize = 60;
 /// Share of the inflow that may be lost.
@@ -17,14 +17,14 @@ const DRIFT: f64 = 1e-9;
 /// Inflow over the fluidisation velocity.
 const INFLOW: f64 = 0.5;
 
-/// Steps over the relaxation time of a grain where the mesh is made anew.
+/// Steps over the relaxation time of a grain where the domain is remeshed.
 const STEP: f64 = 1.0;
 
 /// The axes of this file.
 pub const AXES: &[Axis] = &[
     Axis {
         name: "mesh-motion",
-        title: "Volume that a swinging mesh loses per step, over the inflow: a bed of 100 um grains in water",
+        title: "Volume that an oscillating mesh loses per step, over the inflow: a bed of 100 um grains in water",
         source: "incompressible: what flows in flows out",
         labels: ["motion of a node per step / element size", "step / relaxation time of the grain"],
         coupled: true,
@@ -34,25 +34,25 @@ pub const AXES: &[Axis] = &[
                 product(&[0.01, 0.03, 0.1, 0.3, 1.0], &[0.1, 1.0, 10.0, 100.0]),
             )
         },
-        run: |[motion, step], scheme, _| swing(motion, step, None, scheme),
+        run: |[motion, step], scheme, _| oscillation(motion, step, None, scheme),
         theory: |_, _| None,
     },
     Axis {
         name: "remesh",
-        title: "Volume that a swinging mesh made anew loses per step, over the inflow: a bed of 100 um grains in water",
+        title: "Volume that an oscillating mesh with remeshing loses per step, over the inflow: a bed of 100 um grains in water",
         source: "incompressible: what flows in flows out",
         labels: ["motion of a node per step / element size", "steps between two meshes"],
         coupled: true,
         points: |effort| {
             effort.pick(product(&[0.1], &[5.0]), product(&[0.01, 0.03, 0.1, 0.3, 1.0], &[1.0, 5.0, 25.0]))
         },
-        run: |[motion, steps], scheme, _| swing(motion, STEP, Some(steps as u64), scheme),
+        run: |[motion, steps], scheme, _| oscillation(motion, STEP, Some(steps as u64), scheme),
         theory: |_, _| None,
     },
 ];
 
-/// With a mesh that is made anew after so many steps, or never.
-fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Result<Sample> {
+/// With remeshing after so many steps, or never.
+fn oscillation(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Result<Sample> {
     let lying = LIQUID.lie(None)?;
     let speed = INFLOW * lying.fluidisation;
     let dt = step * LIQUID.solid / LIQUID.drag(speed, lying.voidage);
@@ -62,10 +62,10 @@ fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Res
         // The largest motion of a step is 2 A sin(pi f dt).
         let frequency = (0.5 * motion / AMPLITUDE).asin() / (std::f64::consts::PI * dt);
         let amplitude = Vec2::new(0.6, 0.8) * (AMPLITUDE * element);
-        fluid.motion = Some(Swing::new(&fluid.mesh, amplitude, frequency, None)?);
+        fluid.motion = Some(Oscillation::new(&fluid.mesh, amplitude, frequency, None)?);
     }
-    let mut renewal = match (system.fluid(), remesh) {
-        (Some(fluid), Some(every)) => Some(Renewal::new(&fluid.mesh, Remesh { every, ..Remesh::default() })),
+    let mut remesher = match (system.fluid(), remesh) {
+        (Some(fluid), Some(every)) => Some(Remesher::new(&fluid.mesh, Remesh { every, ..Remesh::default() })),
         _ => None,
     };
     let (mut tally, mut drift) = (Tally::default(), 0.0f64);
@@ -79,11 +79,11 @@ fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Res
         let sum: f64 = through.iter().sum();
         drift = drift.max((sum / (speed * width)).abs());
         // The fluxes are those of the mesh that the step was solved on; then a new one.
-        swap_renewal(&mut system, &mut renewal);
-        if system.renew_mesh(&mut report).is_err() {
+        swap_remesher(&mut system, &mut remesher);
+        if system.remesh(&mut report).is_err() {
             return Ok(Sample::new(Verdict::Failed, drift, 0.0, tally));
         }
-        swap_renewal(&mut system, &mut renewal);
+        swap_remesher(&mut system, &mut remesher);
         let fastest = system.grains().into_iter().flat_map(|grains| &grains.particles.velocity);
         if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > 100.0 * speed {
             return Ok(Sample::new(Verdict::Unstable, drift, 0.0, tally));
@@ -92,9 +92,9 @@ fn swing(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) -> Res
     Ok(Sample::judge(drift.is_finite(), drift, 0.0, DRIFT, tally))
 }
 
-fn swap_renewal(system: &mut Coupled<2>, renewal: &mut Option<Renewal<2>>) {
+fn swap_remesher(system: &mut Coupled<2>, remesher: &mut Option<Remesher<2>>) {
     if let Some(fluid) = system.fluid_mut() {
-        std::mem::swap(&mut fluid.renewal, renewal);
+        std::mem::swap(&mut fluid.remesher, remesher);
     }
 }
 

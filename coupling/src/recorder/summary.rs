@@ -41,7 +41,7 @@ pub struct Summary {
     /// Steps in which grains and fluid did not agree within the tolerance of the coupling.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub disagreeing_steps: Option<u64>,
-    /// Meshes made anew on the way, if there were any.
+    /// Remeshings on the way, if there were any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remeshings: Option<u64>,
     /// Largest relative difference of all steps between the momentum that the grains gave and the fluid took.

@@ -2,7 +2,7 @@
 
 use super::{Backend, Coordinates};
 use crate::closure::{Drag, HeatTransfer, VoidageFunction};
-use crate::renewal::Remesh;
+use crate::remesh::Remesh;
 use crate::scheme::SchemeName;
 use crate::scheme::iterated::Iteration;
 use schemars::JsonSchema;
@@ -60,7 +60,7 @@ pub enum MeshSource {
     File(PathBuf),
 }
 
-/// A mesh that swings: each node by its weight times `amplitude sin(2 pi frequency t)`. The weight is 1 on the boundary
+/// A mesh that oscillates: each node by its weight times `amplitude sin(2 pi frequency t)`. The weight is 1 on the boundary
 /// that moves, 0 on the others, smooth between. Walls without slip take the fluid along with their nodes, walls with slip
 /// push it; walls that the grains meet (`[[walls]]`) move by laws of their own.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -73,7 +73,7 @@ pub struct MeshMotion {
     /// Name of the part of the boundary that moves. Default: none, the nodes inside the mesh move alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boundary: Option<String>,
-    /// When the mesh is made anew within its boundary. Default: never.
+    /// When the domain is remeshed within its boundary. Default: never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remesh: Option<Remesh>,
 }

@@ -8,7 +8,7 @@ mod order;
 mod outline;
 mod quality;
 mod refine;
-mod renew;
+mod remesh;
 mod shape;
 mod smooth;
 mod topology;
@@ -16,7 +16,7 @@ mod topology;
 pub use domain::{Diagonals, Hole, Part, Place, Rectangle, Refinement, Side, Sides, Structured};
 pub use locate::Locator;
 pub use quality::Quality;
-pub use renew::Renewed;
+pub use remesh::Remeshed;
 pub use topology::Neighbours;
 
 use crate::{Error, Result, Vector};

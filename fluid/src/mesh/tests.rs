@@ -172,7 +172,7 @@ fn broken_meshes() {
 }
 
 #[test]
-fn a_mesh_made_anew_keeps_its_boundary_and_linear_fields() {
+fn a_remeshed_domain_keeps_its_boundary_and_linear_fields() {
     let mut domain = plain([2.0, 1.0], 0.1);
     domain.sides.left = Side::named("inflow");
     domain.holes = vec![hole("rod", [0.6, 0.5], 0.15, 0.05)];
@@ -182,8 +182,8 @@ fn a_mesh_made_anew_keeps_its_boundary_and_linear_fields() {
     let pull =
         |x: &Vector<2>| (1.0 - ((x - Vector::<2>::new(0.6, 0.5)).norm() - 0.15) / 0.35).clamp(0.0, 1.0);
     mesh.points.iter_mut().for_each(|x| x[0] += 0.2 * pull(x));
-    let renewed = mesh.renew(&spacing).unwrap();
-    let (new, old) = (&renewed.mesh, &mesh);
+    let remeshed = mesh.remesh(&spacing).unwrap();
+    let (new, old) = (&remeshed.mesh, &mesh);
     new.check().unwrap();
     assert_relative_eq!(new.volume(), old.volume(), max_relative = 1e-13);
     for part in &old.boundaries {
@@ -195,23 +195,23 @@ fn a_mesh_made_anew_keeps_its_boundary_and_linear_fields() {
     assert!(before.smallest_angle < 20.0 && after.smallest_angle > 25.0, "{before:?} {after:?}");
     assert_relative_eq!(after.mean_edge, before.mean_edge, max_relative = 0.05);
     let linear = |x: &Vector<2>| 3.0 + 2.0 * x[0] - 5.0 * x[1];
-    let carried = renewed.carry(&old.points.iter().map(linear).collect::<Vec<f64>>());
+    let carried = remeshed.carry(&old.points.iter().map(linear).collect::<Vec<f64>>());
     for (value, point) in carried.iter().zip(&new.points) {
         assert_relative_eq!(*value, linear(point), epsilon = 1e-12);
     }
-    let again = mesh.renew(&spacing).unwrap();
+    let again = mesh.remesh(&spacing).unwrap();
     assert_eq!(again.mesh, *new);
 }
 
 #[test]
-fn meshes_made_anew_one_from_the_other_keep_their_sizes() {
+fn meshes_made_one_from_the_other_keep_their_sizes() {
     let domain = Rectangle { holes: vec![hole("rod", [0.6, 0.5], 0.15, 0.03)], ..plain([2.0, 1.0], 0.1) };
     let first = Mesh::rectangle(&domain).unwrap();
     let (mut mesh, mut spacing) = (first.clone(), first.spacing());
     for _ in 0..10 {
-        let renewed = mesh.renew(&spacing).unwrap();
-        spacing = renewed.carry(&spacing);
-        mesh = renewed.mesh;
+        let remeshed = mesh.remesh(&spacing).unwrap();
+        spacing = remeshed.carry(&spacing);
+        mesh = remeshed.mesh;
     }
     let (before, after) = (report("first", &first), report("tenth", &mesh));
     assert_relative_eq!(after.mean_edge, before.mean_edge, max_relative = 0.05);

@@ -1,4 +1,4 @@
-//! A new mesh of a domain whose nodes have moved: those of the boundary stay where they are, those inside are placed anew.
+//! A new mesh of a domain whose nodes have moved: those of the boundary stay where they are, those inside get new places.
 
 use super::outline::{FREE, Outline, Site};
 use super::shape::Shape;
@@ -8,8 +8,8 @@ use spade::Point2;
 use std::collections::HashMap;
 use std::ops::{Add, Mul};
 
-/// A mesh made anew, and where its nodes lie in the old one.
-pub struct Renewed<const D: usize> {
+/// A new mesh, and where its nodes lie in the old one.
+pub struct Remeshed<const D: usize> {
     /// The mesh.
     pub mesh: Mesh<D>,
     /// For each node the nodes of the old cell that it lies in, and their shape functions: `D + 1` numbers each.
@@ -17,7 +17,7 @@ pub struct Renewed<const D: usize> {
     shape: Vec<f64>,
 }
 
-impl<const D: usize> Renewed<D> {
+impl<const D: usize> Remeshed<D> {
     /// Nodal values of the old mesh, interpolated at the nodes of the new one.
     pub fn carry<T: Copy + Mul<f64, Output = T> + Add<Output = T>>(&self, old: &[T]) -> Vec<T> {
         let places = self.nodes.chunks_exact(D + 1).zip(self.shape.chunks_exact(D + 1));
@@ -49,7 +49,7 @@ impl Mesh<2> {
     ///
     /// # Errors
     /// The boundary crosses itself, or is folded so that no cells of positive measure fill it.
-    pub fn renew(&self, spacing: &[f64]) -> Result<Renewed<2>> {
+    pub fn remesh(&self, spacing: &[f64]) -> Result<Remeshed<2>> {
         let domain = Between::new(self, spacing)?;
         let (points, cells) = refine::triangulate(&domain, domain.outline())?;
         let old = domain.numbers();
@@ -71,7 +71,7 @@ impl Mesh<2> {
             nodes.extend(of);
             shape.extend(share);
         }
-        Ok(Renewed { mesh, nodes, shape })
+        Ok(Remeshed { mesh, nodes, shape })
     }
 }
 

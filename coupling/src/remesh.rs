@@ -1,0 +1,142 @@
+//! Remeshing of domains whose mesh has moved far: nodes inside get new places between those of the boundary, and the
+//! fields interpolated.
+//!
+//! The step that follows solves its equations on the new mesh, so that what flows in flows out as before. What interpolation
+//! loses of momentum and heat is of second order in the mesh.
+
+use crate::motion::Oscillation;
+use crate::overlap::Overlap;
+use crate::{Clock, Coupled, Fluid, Mixture, Result, StepReport};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+use voidage_fluid::Mesh;
+use voidage_fluid::flow::State;
+use voidage_fluid::mesh::Remeshed;
+
+/// When a domain is remeshed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Remesh {
+    /// Steps after which it is. At least 1. Default 25.
+    pub every: u64,
+    /// Smallest angle of its cells below which it is at once, degrees. From 0 to 25. Default 15.
+    pub angle: f64,
+}
+
+impl Default for Remesh {
+    fn default() -> Self {
+        Self { every: 25, angle: 15.0 }
+    }
+}
+
+/// What remeshes a domain.
+#[derive(Clone, Debug)]
+pub struct Remesher<const D: usize> {
+    when: Remesh,
+    /// Lengths that edges should have, by node, m.
+    spacing: Vec<f64>,
+    /// Step after which the mesh was last made.
+    last: u64,
+    tools: Tools<D>,
+}
+
+/// What depends on the dimension.
+#[derive(Clone, Copy, Debug)]
+struct Tools<const D: usize> {
+    make: fn(&Mesh<D>, &[f64]) -> voidage_fluid::Result<Remeshed<D>>,
+    /// Smallest angle, degrees.
+    angle: fn(&Mesh<D>) -> f64,
+}
+
+/// The mesh of a domain that was remeshed on the way, as a checkpoint has it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RemeshState<const D: usize> {
+    mesh: Mesh<D>,
+    motion: Option<Oscillation<D>>,
+    spacing: Vec<f64>,
+    last: u64,
+}
+
+impl Remesher<2> {
+    /// Remeshes a domain with edges as long as they are now.
+    pub fn new(mesh: &Mesh<2>, when: Remesh) -> Self {
+        let tools = Tools { make: Mesh::<2>::remesh, angle: |mesh| mesh.quality().smallest_angle };
+        Self { when, spacing: mesh.spacing(), last: 0, tools }
+    }
+}
+
+impl<const D: usize> Fluid<D> {
+    /// Remeshes the domain if it is time; returns whether it was.
+    fn remesh(&mut self) -> Result<bool> {
+        let Some(remesher) = &mut self.remesher else { return Ok(false) };
+        let Remesher { when, tools, .. } = *remesher;
+        let Clock { time, steps } = self.clock;
+        if steps - remesher.last < when.every && (tools.angle)(&self.mesh) >= when.angle {
+            return Ok(false);
+        }
+        let remeshed = (tools.make)(&self.mesh, &remesher.spacing)?;
+        let old = &self.accepted;
+        let fields = State {
+            velocity: remeshed.carry(&old.velocity),
+            pressure: remeshed.carry(&old.pressure),
+            scalars: old.scalars.iter().map(|old| remeshed.carry(old)).collect(),
+        };
+        remesher.spacing = remeshed.carry(&remesher.spacing);
+        remesher.last = steps;
+        self.motion = self.motion.as_ref().map(|motion| motion.remeshed(&remeshed, time));
+        self.set_mesh(remeshed.mesh, fields)?;
+        Ok(true)
+    }
+
+    /// The mesh, if the domain has been remeshed.
+    pub(crate) fn remesh_state(&self) -> Option<RemeshState<D>> {
+        let Remesher { spacing, last, .. } = self.remesher.as_ref().filter(|remesher| remesher.last > 0)?;
+        let (mesh, motion) = (self.mesh.clone(), self.motion.clone());
+        Some(RemeshState { mesh, motion, spacing: spacing.clone(), last: *last })
+    }
+
+    fn take_remeshed(&mut self, state: RemeshState<D>) {
+        if let Some(remesher) = &mut self.remesher {
+            (remesher.spacing, remesher.last) = (state.spacing, state.last);
+            (self.mesh, self.motion, self.moved) = (state.mesh, state.motion, true);
+        }
+    }
+}
+
+impl<const D: usize> Mixture<D> {
+    /// Grains are looked for on the mesh of now.
+    fn search_again(&mut self) -> Result<()> {
+        self.interaction.overlap = Overlap::new(&self.fluid.mesh)?;
+        Ok(())
+    }
+}
+
+impl<const D: usize> Coupled<D> {
+    /// Remeshes the domain if it is time; the end of every step.
+    ///
+    /// # Errors
+    /// No mesh fits into its boundary; the solver cannot be reached.
+    pub fn remesh(&mut self, report: &mut StepReport) -> Result<()> {
+        let start = Instant::now();
+        report.remeshed = self.fluid_mut().map_or(Ok(false), Fluid::remesh)?;
+        if !report.remeshed {
+            return Ok(());
+        }
+        report.phases.remesh += start.elapsed().as_secs_f64();
+        let Some(mixture) = self.mixture_mut() else { return Ok(()) };
+        mixture.search_again()?;
+        mixture.cut_grains(report)
+    }
+
+    /// Takes the mesh of a checkpoint.
+    ///
+    /// # Errors
+    /// A mesh that cannot be searched.
+    pub(crate) fn take_remeshed(&mut self, state: RemeshState<D>) -> Result<()> {
+        if let Some(fluid) = self.fluid_mut() {
+            fluid.take_remeshed(state);
+        }
+        self.mixture_mut().map_or(Ok(()), Mixture::search_again)
+    }
+}
