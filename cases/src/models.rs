@@ -165,7 +165,7 @@ impl FluidSet {
             temperature: vec![0.0; if laws.thermal.is_some() { count } else { 0 }],
         };
         let interaction = Interaction::new(laws, &fluid.mesh, &grains, at)?;
-        let system = System::Mixture(Mixture::new(grains, fluid, interaction));
+        let system = System::Mixture(Box::new(Mixture::new(grains, fluid, interaction)));
         Ok(Coupled::new(system, scheme.build(&Iteration::default())))
     }
 

@@ -44,10 +44,10 @@ pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<C
     let system = match (grains, fluid, &scene.fluid) {
         (Some(grains), Some(fluid), Some(described)) => {
             let interaction = interaction(&coupling, &grains, &fluid, described)?;
-            System::Mixture(Mixture::new(grains, fluid, interaction))
+            System::Mixture(Box::new(Mixture::new(grains, fluid, interaction)))
         }
-        (Some(grains), ..) => System::Grains(grains, Clock::default()),
-        (None, Some(fluid), _) => System::Fluid(fluid),
+        (Some(grains), ..) => System::Grains(Box::new(grains), Clock::default()),
+        (None, Some(fluid), _) => System::Fluid(Box::new(fluid)),
         (None, None, _) => return Err(Error::Input("the scene has neither grains nor a fluid".into())),
     };
     Ok(Coupled::new(system, coupling.scheme.build(&coupling.iteration)))

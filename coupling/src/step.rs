@@ -8,11 +8,11 @@ use voidage_dem::{Dem, Load};
 /// What a scene is made of. A scene pays nothing for what it does not have.
 pub enum System<const D: usize> {
     /// Grains alone, with their clock.
-    Grains(Dem<D>, Clock),
+    Grains(Box<Dem<D>>, Clock),
     /// A fluid alone.
-    Fluid(Fluid<D>),
+    Fluid(Box<Fluid<D>>),
     /// Grains in a fluid.
-    Mixture(Mixture<D>),
+    Mixture(Box<Mixture<D>>),
 }
 
 /// A system beside the scheme that advances it, if grains and fluid act on each other.

@@ -354,7 +354,7 @@ fn a_uniform_stream_stays_uniform_when_the_domain_is_remeshed() {
     fluid.motion = Some(oscillation);
     let first = fluid.mesh.clone();
     let scheme = SchemeName::Henry.build(&Iteration::default());
-    let mut flow = Coupled::new(System::Fluid(fluid), scheme);
+    let mut flow = Coupled::new(System::Fluid(Box::new(fluid)), scheme);
     for step in 1..=6 {
         let report = flow.step(0.05).expect("a step");
         assert_eq!(report.remeshed, step % 2 == 0);

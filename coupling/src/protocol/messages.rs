@@ -192,7 +192,7 @@ pub fn read_solution<const D: usize>(
     let place = fields_at(header, payload, 0, &mut out.fields)?;
     let width = numbers_of_balance(D, scalars);
     let end = place.end() + header.parts as usize * width;
-    let Some([report @ ..]) = payload.get(end..end + REPORT) else {
+    let Some(report) = payload.get(end..end + REPORT) else {
         return wrong("a solution without report".into());
     };
     out.balances.clear();

@@ -1,6 +1,6 @@
 //! The frames between grains and a fluid solver in another process.
 //!
-//! A frame is a [`Header`] and a payload of 8-byte numbers: whole columns one after the other ([`Layout`]), and a UTF-8
+//! A frame is a [`Header`] and a payload of 8-byte numbers: whole columns one after the other ([`Place`]), and a UTF-8
 //! text packed in the last numbers. The grains ask, the fluid answers ([`Kind`]):
 //!
 //! ```text
