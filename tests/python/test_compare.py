@@ -32,6 +32,7 @@ def compare(program, scene, out, *options):
         (SCENES / "full-cells.toml", "1,5"),
         (SCENES / "moving-mesh.toml", "1,30"),
         (SCENES / "moving-box.toml", "1,30"),
+        (CASES / "tracer" / "scene.toml", "1,20"),
     ],
     ids=[
         "bubbling bed",
@@ -42,6 +43,7 @@ def compare(program, scene, out, *options):
         "full cells",
         "moving mesh",
         "moving rod in a closed box",
+        "tracer",
     ],
 )
 def test_solvers_agree_to_round_off(program, tmp_path, scene, at):

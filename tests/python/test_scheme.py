@@ -168,6 +168,25 @@ def test_an_interrupt_is_raised_as_it_is():
         voidage.Simulation(BED, scheme=Interrupted()).step()
 
 
+@pytest.mark.parametrize(
+    "phases, first",
+    [
+        (["evaluate_closures"], "cut_grains"),
+        (["solve_fluid"], "evaluate_closures"),
+        (["cut_grains", "solve_fluid"], "evaluate_closures"),
+        (["cut_grains", "evaluate_closures", "accept"], "solve_fluid"),
+    ],
+)
+def test_phases_out_of_order_are_told(phases, first):
+    class Hasty:
+        def step(self, system, dt):
+            for phase in phases:
+                getattr(system, phase)()
+
+    with pytest.raises(RuntimeError, match=f"`{phases[-1]}` before `{first}`"):
+        voidage.Simulation(BED, scheme=Hasty()).step()
+
+
 def test_a_scheme_must_accept_once():
     class Forgetful(Henry):
         def step(self, system, dt):

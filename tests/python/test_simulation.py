@@ -49,6 +49,17 @@ def test_a_simulation_equals_the_program(program, tmp_path):
     assert_same(simulation, restarted, OF_THE_LAST_STEP)
 
 
+def test_keys_are_changed_by_texts_or_by_a_dictionary():
+    texts = voidage.Simulation(BED, ["time.end=0.02", 'coupling.scheme="lagged"'])
+    pairs = voidage.Simulation(BED, {"time.end": 0.02, "coupling.scheme": "lagged"})
+    for simulation in (texts, pairs):
+        simulation.run()
+    assert texts.end == pairs.end == 0.02
+    assert_same(texts, pairs)
+    with pytest.raises(ValueError, match="time.ende"):
+        voidage.Simulation(BED, {"time.ende": 0.02})
+
+
 def test_a_restart_goes_on_bit_for_bit(bed, tmp_path):
     bed.run(0.005)
     bed.checkpoint(tmp_path / "five.voidage")

@@ -18,7 +18,8 @@ use voidage_coupling::{Coupled, StepReport};
 
 /// A scene in motion.
 ///
-/// `scene` is the path of a scene file, `set` changes keys of it, as in ["fluid.solver.newton=2"]. `fluid` is the
+/// `scene` is the path of a scene file, `set` changes keys of it, as in {"fluid.solver.newton": 2} or
+/// ["fluid.solver.newton=2"]. `fluid` is the
 /// name of a solver as `voidage run --fluid` has it, or a solver in this process, an object with the methods of
 /// `voidage.Solver`; without it the scene says which. `scheme` is the
 /// name of a coupling scheme or an object with a method `step(system, dt)`. `restart` is a checkpoint of the same
@@ -37,11 +38,11 @@ pub struct Simulation {
 impl Simulation {
     #[allow(clippy::too_many_arguments, reason = "in Python they are keywords")]
     #[new]
-    #[pyo3(signature = (scene, set=vec![], *, fluid=None, scheme=None, restart=None, threads=None, log=None))]
+    #[pyo3(signature = (scene, set=None, *, fluid=None, scheme=None, restart=None, threads=None, log=None))]
     fn new(
         py: Python<'_>,
         scene: PathBuf,
-        set: Vec<String>,
+        set: Option<Bound<'_, PyAny>>,
         fluid: Option<Bound<'_, PyAny>>,
         scheme: Option<Bound<'_, PyAny>>,
         restart: Option<PathBuf>,
@@ -51,7 +52,7 @@ impl Simulation {
         if let Some(threads) = threads {
             start_threads(threads)?;
         }
-        let (raised, mut set) = (Raised::default(), set);
+        let (raised, mut set) = (Raised::default(), set.map_or(Ok(vec![]), |set| settings(&set))?);
         let fluid = Choice::new(fluid);
         let scheme = Choice::new(scheme);
         if let Some(name) = &fluid.name {
@@ -205,6 +206,17 @@ impl<'py> Choice<'py> {
             _ => Self { name: None, object: value },
         }
     }
+}
+
+/// Changes of keys as texts `key=value`, from such texts or a dictionary.
+fn settings(set: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    let Ok(pairs) = set.cast::<PyDict>() else { return set.extract() };
+    // Numbers, words and lists are written in JSON as in TOML.
+    let written = set.py().import("json")?.getattr("dumps")?;
+    let text = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        Ok(format!("{}={}", key.extract::<String>()?, written.call1((value,))?.extract::<String>()?))
+    };
+    pairs.iter().map(text).collect()
 }
 
 /// The solver of an object, in the place of that of the scene.

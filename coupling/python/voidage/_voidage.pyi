@@ -39,7 +39,7 @@ class Simulation:
     def __new__(
         cls,
         scene: str | PathLike[str],
-        set: Sequence[str] = ...,
+        set: Sequence[str] | Mapping[str, object] | None = ...,
         *,
         fluid: str | Solver | None = None,
         scheme: str | _Scheme | None = None,

@@ -218,10 +218,16 @@ pub struct GrainsFile {
 pub struct Wall {
     /// Name, for messages and records.
     pub name: String,
-    /// First end, m.
+    /// First end, m. With `to`, or `along` instead of both.
+    #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub from: Coordinates,
     /// Second end, m.
+    #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub to: Coordinates,
+    /// Name of a part of the boundary of the mesh that the wall follows, where the mesh is at the start, as straight walls. Default: none,
+    /// `from` and `to` say where it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub along: Option<String>,
     /// Name of one of the materials: friction, restitution and conductivity. Default: none, a perfect conductor of heat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,

@@ -46,6 +46,8 @@ impl Scene {
         scene.origin = origin;
         check::structure(&scene)?;
         scene.resolve();
+        check::walls(&scene)?;
+        scene.lay_walls()?;
         check::values(&scene)?;
         Ok(scene)
     }

@@ -4,6 +4,7 @@
 //! `voidage schema` prints them. Physics that a scene does not mention is off: no `[[grains]]`, no grains; no
 //! `[fluid]`, no mesh; no `[fluid.heat]`, no temperature in the fluid.
 
+mod along;
 mod backend;
 mod check;
 pub mod document;
@@ -81,6 +82,11 @@ pub struct Coordinates(
 );
 
 impl Coordinates {
+    /// Whether none are given.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// The same as a vector of `D` numbers; numbers that are missing are zero (validation has checked the length).
     pub fn vector<const D: usize>(&self) -> nalgebra::SVector<f64, D> {
         nalgebra::SVector::from_fn(|i, _| self.0.get(i).copied().unwrap_or(0.0))

@@ -16,12 +16,15 @@ pub(super) fn check(scene: &Scene) -> Checked {
     for (i, group) in scene.grains.iter().enumerate() {
         check_group(scene, &format!("grains[{i}]"), group)?;
     }
-    for (i, wall) in scene.walls.iter().enumerate() {
-        check_wall(scene, &format!("walls[{i}]"), wall)?;
-    }
     check_heat(scene)?;
     check_contacts(scene)?;
     check_places(scene)
+}
+
+/// Checks of the walls, as the file has them.
+pub(super) fn walls(scene: &Scene) -> Checked {
+    let mut walls = scene.walls.iter().enumerate();
+    walls.try_for_each(|(i, wall)| check_wall(scene, &format!("walls[{i}]"), wall))
 }
 
 fn check_material(scene: &Scene, path: &str, material: &Material) -> Checked {
@@ -108,9 +111,25 @@ fn check_radius(scene: &Scene, path: &str, group: &Grains) -> Checked {
 }
 
 fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
-    coordinates(scene, &format!("{path}.from"), &wall.from)?;
-    coordinates(scene, &format!("{path}.to"), &wall.to)?;
-    distinct(scene, &format!("{path}.to"), &wall.from, &wall.to)?;
+    let placed = !(wall.from.is_empty() && wall.to.is_empty());
+    match &wall.along {
+        None => {
+            coordinates(scene, &format!("{path}.from"), &wall.from)?;
+            coordinates(scene, &format!("{path}.to"), &wall.to)?;
+            distinct(scene, &format!("{path}.to"), &wall.from, &wall.to)?;
+        }
+        Some(_) if placed || wall.motion.is_some() => {
+            let key = format!("{path}.along");
+            let message = format!("`{key}` is there beside `from`, `to` or `motion`");
+            return fail(
+                scene,
+                &key,
+                message,
+                "a wall `along` the mesh stands where the mesh is at the start",
+            );
+        }
+        Some(_) => {}
+    }
     if let Some(material) = &wall.material {
         known(scene, &format!("{path}.material"), material, &material_names(scene), "material")?;
     }

@@ -76,6 +76,11 @@ fn iteration(scene: &Scene, iteration: &Iteration) -> Checked {
     }
 }
 
+/// Checks of the walls, before those that follow a mesh are laid.
+pub(super) fn walls(scene: &Scene) -> Checked {
+    grains::walls(scene)
+}
+
 /// Checks of the values, with defaults filled in.
 pub(super) fn values(scene: &Scene) -> Checked {
     time(scene)?;
