@@ -54,7 +54,7 @@ pub struct Options {
     threads: Option<usize>,
     #[command(flatten)]
     process: run::Process,
-    /// No bar, few lines.
+    /// No progress, only warnings and results.
     #[arg(long)]
     pub quiet: bool,
 }

@@ -7,11 +7,12 @@ use tracing::{Span, info, info_span};
 use tracing_indicatif::{IndicatifLayer, span_ext::IndicatifSpanExt};
 use tracing_subscriber::{filter::LevelFilter, fmt, layer::SubscriberExt, util::SubscriberInitExt};
 
-/// Sends messages to stderr, above the bar where there is one.
+/// Sends messages to stderr, above the bar where there is one; where `quiet`, warnings only.
 pub fn start_logging(quiet: bool) {
     let bar = has_bar(quiet).then(IndicatifLayer::new);
     let lines = fmt::layer().without_time().with_target(false).with_level(false);
-    let registry = tracing_subscriber::registry().with(LevelFilter::INFO);
+    let registry =
+        tracing_subscriber::registry().with(if quiet { LevelFilter::WARN } else { LevelFilter::INFO });
     match bar {
         Some(bar) => registry.with(lines.with_writer(bar.get_stderr_writer())).with(bar).init(),
         None => registry.with(lines.with_ansi(false).with_writer(std::io::stderr)).init(),
@@ -21,6 +22,9 @@ pub fn start_logging(quiet: bool) {
 fn has_bar(quiet: bool) -> bool {
     !quiet && std::io::stderr().is_terminal()
 }
+
+/// The unit of shares.
+const PERCENT: &str = "%";
 
 /// What a line or the bar says beside the number of steps.
 #[derive(Clone, Copy, Debug, Default)]
@@ -54,11 +58,18 @@ impl Progress {
         Self::of("step", first, last, quiet)
     }
 
+    /// The same for the share of all work.
+    pub fn percent(quiet: bool) -> Self {
+        Self::of(PERCENT, 0, 100, quiet)
+    }
+
     /// The same for anything that is counted; the unit in the singular.
     pub fn of(unit: &'static str, first: u64, last: u64, quiet: bool) -> Self {
         let bar = has_bar(quiet).then(|| {
             let span = info_span!("run");
-            let style = format!("{{bar:30.cyan/blue}} {{pos}}/{{len}} {unit}s  {{eta}} left  {{msg}}");
+            let counted =
+                if unit == PERCENT { "{pos} %".to_owned() } else { format!("{{pos}}/{{len}} {unit}s") };
+            let style = format!("{{bar:30.cyan/blue}} {counted}  {{eta}} left  {{msg}}");
             span.pb_set_style(
                 &ProgressStyle::with_template(&style).unwrap_or_else(|_| ProgressStyle::default_bar()),
             );
@@ -67,11 +78,7 @@ impl Progress {
             span.pb_start();
             span
         });
-        let every = match (&bar, quiet) {
-            (Some(_), _) => Duration::from_millis(100),
-            (None, false) => Duration::from_secs(2),
-            (None, true) => Duration::from_secs(10),
-        };
+        let every = if bar.is_some() { Duration::from_millis(100) } else { Duration::from_secs(2) };
         Progress { bar, unit, first, last, started: Instant::now(), shown: None, every, open: false }
     }
 
@@ -123,7 +130,11 @@ impl Progress {
             None => {
                 let rate = (done - self.first) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
                 let left = (self.last - done) as f64 / rate;
-                info!("{} {done}/{}  {} left  {message}", self.unit, self.last, duration(left));
+                let left = duration(left);
+                match self.unit {
+                    PERCENT => info!("{done} %  {left} left  {message}"),
+                    unit => info!("{unit} {done}/{}  {left} left  {message}", self.last),
+                }
             }
         }
     }

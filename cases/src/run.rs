@@ -16,6 +16,7 @@ use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summa
 use voidage_coupling::scene::{Scene, Solver};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Result, Simulation};
+use voidage_dem::Rounded;
 
 /// Options of `voidage run`.
 #[derive(Args)]
@@ -43,7 +44,7 @@ pub struct Options {
     fluid: Option<String>,
     #[command(flatten)]
     process: Process,
-    /// No bar, few lines.
+    /// No progress, only warnings and results.
     #[arg(long)]
     pub quiet: bool,
 }
@@ -288,7 +289,7 @@ impl Run {
             Ok(true) => {}
             Ok(false) => {
                 let path = self.leave()?;
-                warn!("interrupted at t = {time} s; go on with --restart {}", path.display());
+                warn!("interrupted at t = {} s; go on with --restart {}", Rounded(time), path.display());
             }
             Err(error) => self.leave_failed(error),
         }

@@ -18,7 +18,7 @@ pub struct Suite {
     /// Number of threads; results do not depend on it. Default: one per core, in a study one.
     #[arg(long)]
     pub threads: Option<usize>,
-    /// No bar, few lines.
+    /// No progress, only warnings and results.
     #[arg(long)]
     pub quiet: bool,
 }

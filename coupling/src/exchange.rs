@@ -5,17 +5,17 @@
 //! share s: volume s V, drag s gamma, mobility a/s, so that the law of a piece is `b + a (gamma u - V grad p)` with the fluid
 //! at its own place, and the equations stay local.
 //!
-//! **Rigid grains.** A piece with more push f = gamma u - V grad p than the others would give way by a times the difference,
+//! **Rigid grains.** A piece with more forcing f = gamma u - V grad p than the others would give way by a times the difference,
 //! though a grain is rigid. Where the solid flux has a law of its own, its constant part at a piece is therefore
 //!
 //! ```text
 //!     b - c a (f - f_mean),     f_mean = sum (s c f) / sum (s c) over the pieces of the grain,
 //! ```
 //!
-//! with f of the last accepted state of the fluid. The mean over the pieces is b, and where c = 1 and the push
+//! with f of the last accepted state of the fluid. The mean over the pieces is b, and where c = 1 and the forcing
 //! stays as it was, no piece moves otherwise than the grain.
 //!
-//! c is 1 but where grains leave the fluid little room. A piece with more push gives way, which takes X times the difference of push from
+//! c is 1 but where grains leave the fluid little room. A piece with more forcing gives way, which takes X times the difference of forcing from
 //! it, X = a (gamma/eps + rho V/dt) (1 - eps)/eps; from step to step the difference d goes by d' = d_rigid - X (d' - c d), with the factor
 //! c X/(1 + X) to d_rigid/(1 + X (1 - c)). In elements full of grain, X without bound, that takes for ever, and the mobility at the pieces is all that
 //! couples the pressures of the nodes. So c = 1/(1 + X/[`LASTING`]).
@@ -27,7 +27,7 @@ use voidage_fluid::flow::State;
 use voidage_fluid::points::{PointScalar, Points};
 use voidage_fluid::{Mesh, Vector};
 
-/// X above which a difference of push within a grain, which takes some X steps to be as in a rigid one, is rather let be.
+/// X above which a difference of forcing within a grain, which takes some X steps to be as in a rigid one, is rather let be.
 pub const LASTING: f64 = 100.0;
 
 /// Voidage of an element full of grain as a weight, so that a grain all in such elements has a mean.
@@ -228,11 +228,11 @@ impl<const D: usize> GrainLoad<D> {
             let (mut sum, mut whole) = (Vector::zeros(), 0.0);
             for q in pieces.of(grain) {
                 let (cell, part) = (pieces.cell[q], weight(q) * pieces.share[q]);
-                let push = rigid.fluid.velocity(cell, &pieces.coordinate[q]) * drag
+                let forcing = rigid.fluid.velocity(cell, &pieces.coordinate[q]) * drag
                     - rigid.fluid.pressure_gradient(cell) * volume;
-                sum += push * part;
+                sum += forcing * part;
                 whole += part;
-                out.flux_velocity[q] = push;
+                out.flux_velocity[q] = forcing;
             }
             let mean = sum / whole;
             for q in pieces.of(grain) {
@@ -262,9 +262,9 @@ impl crate::load::HeatLoad {
 
 /// Force of the fluid at a point, N: -V grad p + gamma (u - v*) with the fluid at its place.
 pub fn force_at<const D: usize>(points: &Points<D>, fluid: &OnMesh<'_, D>, q: usize) -> Vector<D> {
-    let push = fluid.velocity(points.cell[q], &points.coordinate[q]) * points.drag[q]
+    let forcing = fluid.velocity(points.cell[q], &points.coordinate[q]) * points.drag[q]
         - fluid.pressure_gradient(points.cell[q]) * points.volume[q];
-    push - (points.velocity[q] + push * points.mobility[q]) * points.drag[q]
+    forcing - (points.velocity[q] + forcing * points.mobility[q]) * points.drag[q]
 }
 
 /// What the fluid gives of a scalar at a point, h (s - s*), W for heat; zero of one that the points do not exchange.

@@ -52,7 +52,7 @@ impl HeatLoad {
     }
 
     /// What T* must be lower by for the fluid to give the heat `carried` (J) within `dt`, K.
-    pub fn owed(&self, carried: f64, dt: f64, i: usize) -> f64 {
+    pub fn temperature_offset(&self, carried: f64, dt: f64, i: usize) -> f64 {
         if self.coefficient[i] > 0.0 { carried / (self.coefficient[i] * dt) } else { 0.0 }
     }
 
@@ -68,20 +68,20 @@ impl HeatLoad {
 }
 
 impl<const D: usize> GrainLoad<D> {
-    /// What the fluid pushes grain `i` with at rest, N: f = gamma u - V grad p.
-    pub fn push(&self, at: &AtGrains<D>, i: usize) -> Vector<D> {
+    /// The forcing of the fluid on grain `i`, N: f = gamma u - V grad p, its force on the grain at rest.
+    pub fn forcing(&self, at: &AtGrains<D>, i: usize) -> Vector<D> {
         at.velocity[i] * self.drag[i] - at.pressure_gradient[i] * self.volume[i]
     }
 
     /// The velocity v* of grain `i` by the affine law of momentum, m/s.
     pub fn expected(&self, at: &AtGrains<D>, i: usize) -> Vector<D> {
-        self.velocity[i] + self.push(at, i) * self.mobility[i]
+        self.velocity[i] + self.forcing(at, i) * self.mobility[i]
     }
 
     /// The velocity of grain `i` by the law of the solid flux, m/s.
     pub fn expected_in_flux(&self, at: &AtGrains<D>, i: usize) -> Vector<D> {
         match &self.continuity {
-            Some(law) => law.velocity[i] + self.push(at, i) * law.mobility[i],
+            Some(law) => law.velocity[i] + self.forcing(at, i) * law.mobility[i],
             None => self.expected(at, i),
         }
     }

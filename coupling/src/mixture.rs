@@ -5,7 +5,7 @@ use crate::closure::Surroundings;
 use crate::exchange::{OnMesh, Rigid};
 use crate::interaction::relative;
 use crate::load::GrainLoad;
-use crate::scheme::anchored::Push;
+use crate::scheme::anchored::Forcing;
 use crate::{Error, Fluid, HEAT, Interaction, Result, StepReport, overlap};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -49,7 +49,7 @@ impl<const D: usize> Mixture<D> {
             true => Ok(()),
             false => Err(Error::Run(format!(
                 "a scheme called `{called}` before `{first}` of this step\n  \
-                 help: the phases are cut_grains, evaluate_closures, solve_fluid, move_grains or push_grains, accept"
+                 help: the phases are cut_grains, evaluate_closures, solve_fluid, move_grains or drive_grains, accept"
             ))),
         }
     }
@@ -141,18 +141,23 @@ impl<const D: usize> Mixture<D> {
         report.phases.contacts += start.elapsed().as_secs_f64();
     }
 
-    /// The same under a push of the fluid with implicit drag and heat transfer: the force on a grain is push.force - gamma v,
-    /// and its heat push.heat - hA T, with the means over the step. Contacts are solved with the mass m + gamma dt.
+    /// The same under a forcing of the fluid with implicit drag and heat transfer: the force on a grain is forcing.force - gamma v,
+    /// and its heat forcing.heat - hA T, with the means over the step. Contacts are solved with the mass m + gamma dt.
     ///
     /// # Errors
     /// The laws have not been evaluated.
-    pub fn push_grains(&mut self, dt: f64, push: &Push<D>, report: &mut StepReport) -> Result<()> {
-        self.needs(Phase::Closed, "push_grains", "evaluate_closures")?;
+    pub fn drive_grains(&mut self, dt: f64, forcing: &Forcing<D>, report: &mut StepReport) -> Result<()> {
+        self.needs(Phase::Closed, "drive_grains", "evaluate_closures")?;
         let start = Instant::now();
         let load = &self.interaction.load;
         let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
-        let load =
-            Load { force: &push.force, drag: &load.drag, heat: &push.heat, transfer, ..Load::default() };
+        let load = Load {
+            force: &forcing.force,
+            drag: &load.drag,
+            heat: &forcing.heat,
+            transfer,
+            ..Load::default()
+        };
         // Sweeps of trials count too.
         let before = report.grains.map_or(0, |grains| grains.sweeps);
         let moved = self.grains.step(dt, &load);

@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_swing_between_a_wall_that_moves_and_walls_that_stand() {
+    fn nodes_oscillate_between_a_wall_that_moves_and_walls_that_stand() {
         let mut mesh = mesh();
         let rest = mesh.points.clone();
         let amplitude = Vector::<2>::new(0.0, 0.05);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn the_inside_swings_alone_and_no_cell_may_turn_over() {
+    fn the_inside_oscillates_alone_and_no_cell_may_turn_over() {
         let mesh = mesh();
         let amplitude = Vector::<2>::new(0.05, 0.02);
         let oscillation = Oscillation::new(&mesh, amplitude, 1.0, None).expect("a oscillation");

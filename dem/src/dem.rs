@@ -3,12 +3,12 @@
 use crate::bonds::Bonds;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
-use crate::mark::Mark;
 use crate::memory::{Memory, Record, WALL};
 use crate::parallel;
 use crate::particles::retain;
 use crate::penetration::Moved;
 use crate::repair;
+use crate::saved::Saved;
 use crate::scene::Scene;
 use crate::search::Search;
 use crate::solver::Problem;
@@ -34,7 +34,7 @@ pub struct Dem<const D: usize> {
     wall_heat: Vec<f64>,
     mean_velocity: Vec<Vector<D>>,
     mean_temperature: Vec<f64>,
-    mark: Mark<D>,
+    saved: Saved<D>,
     placed: Vec<Placed<D>>,
     search: Search<D>,
     problem: Problem<D>,
@@ -108,7 +108,7 @@ impl<const D: usize> Default for Dem<D> {
             wall_heat: vec![],
             mean_velocity: vec![],
             mean_temperature: vec![],
-            mark: Mark::default(),
+            saved: Saved::default(),
             placed: vec![],
             search: Search::default(),
             problem: Problem::default(),
@@ -215,7 +215,7 @@ impl<const D: usize> Dem<D> {
         retain(&mut self.mean_velocity, keep);
         retain(&mut self.mean_temperature, keep);
         // What these hold is by the old numbers; they are made again.
-        (self.search, self.problem, self.mark) = (Search::default(), Problem::default(), Mark::default());
+        (self.search, self.problem, self.saved) = (Search::default(), Problem::default(), Saved::default());
         (self.after, self.conductor) = (vec![], Conductor::default());
     }
 
@@ -357,15 +357,15 @@ impl<const D: usize> Dem<D> {
         self.conductor.conductance()
     }
 
-    /// Marks the grains as they are, to come back to by [`Self::rewind`] after a step on trial.
-    pub fn mark(&mut self) {
+    /// Saves the state of the grains, to come back to by [`Self::rewind`] after a step on trial.
+    pub fn save(&mut self) {
         let aged = self.settings.cohesion.is_some();
-        self.mark.set(self.time, &self.particles, aged.then_some(&self.memory));
+        self.saved.save(self.time, &self.particles, aged.then_some(&self.memory));
     }
 
-    /// Back to the last [`Self::mark`]. The impulses stay those of the step on trial: the next one starts warm from them.
+    /// Back to the last [`Self::save`]. The impulses stay those of the step on trial: the next one starts warm from them.
     pub fn rewind(&mut self) {
-        self.time = self.mark.get(&mut self.particles, &mut self.memory);
+        self.time = self.saved.restore(&mut self.particles, &mut self.memory);
     }
 
     /// How contacts bind each grain, by those that carried an impulse in the last sub-step.

@@ -46,3 +46,27 @@ pub(crate) fn check(
 ) -> Result<()> {
     if good { Ok(()) } else { Err(Error::Value { what: what(), value, allowed }) }
 }
+
+/// A number for reading, with nine significant digits at most: the sum of 0.1 and 0.2 is shown as 0.3.
+#[derive(Clone, Copy, Debug)]
+pub struct Rounded(pub f64);
+
+impl std::fmt::Display for Rounded {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let rounded: f64 = format!("{:.8e}", self.0).parse().unwrap_or(self.0);
+        write!(f, "{rounded}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Rounded;
+
+    #[test]
+    fn lengths_in_messages_showed_the_rounding_of_their_sums() {
+        assert_eq!(Rounded(0.1 + 0.2).to_string(), "0.3");
+        assert_eq!(Rounded(-0.044_000_000_000_000_004).to_string(), "-0.044");
+        assert_eq!(Rounded(0.0).to_string(), "0");
+        assert_eq!(Rounded(f64::NAN).to_string(), "NaN");
+    }
+}

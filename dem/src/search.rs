@@ -9,7 +9,7 @@ use crate::repair::LEFT;
 use crate::scene::{Scene, Touch};
 use crate::solver::{FORK, Problem};
 use crate::space::Vector;
-use crate::spread::{SKIN, Spread, diagonal};
+use crate::velocity_bounds::{SKIN, VelocityBounds, diagonal};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// Overlap, as a share of the radius, from which a contact that the search left out repeats the sub-step.
@@ -19,7 +19,7 @@ const MISSED: f64 = 1e-4;
 #[derive(Default)]
 pub(crate) struct Search<const D: usize> {
     pub grid: Grid<D>,
-    spread: Spread<D>,
+    bounds: VelocityBounds<D>,
     /// Pairs of slots, or slot and `WALL` + number, tile by tile.
     pairs: Vec<[u32; 2]>,
     /// Contacts with walls, in the order of the bodies behind the grains.
@@ -114,14 +114,14 @@ impl<const D: usize> Search<D> {
 
     fn gather_velocities(&mut self, scene: &Scene<D>, after: &[Vector<D>], bodies: &Bodies<D>) {
         let p = scene.particles;
-        self.spread.clear(self.grid.coarse_count());
+        self.bounds.clear(self.grid.coarse_count());
         for (slot, &i) in self.grid.order.iter().enumerate() {
             let i = i as usize;
             let cell = self.grid.coarse_of(&p.position[i]);
-            self.spread.add(cell, &p.velocity[i]);
-            self.spread.add(cell, &expected(scene, i, bodies.velocity(slot)));
+            self.bounds.add(cell, &p.velocity[i]);
+            self.bounds.add(cell, &expected(scene, i, bodies.velocity(slot)));
             for v in after.iter().skip(i).step_by(p.len()) {
-                self.spread.add(cell, v);
+                self.bounds.add(cell, v);
             }
         }
     }
@@ -133,16 +133,16 @@ impl<const D: usize> Search<D> {
             // A wall matters to a grain that it may reach; twice the largest radius covers the range of a cell.
             let speed = wall.velocity[0].norm().max(wall.velocity[1].norm());
             let range = 2.0 * large * (1.0 + SKIN) + speed * scene.h;
-            let (cells, spread) = (&mut self.wall_cells, &mut self.spread);
+            let (cells, bounds) = (&mut self.wall_cells, &mut self.bounds);
             self.grid.near_segment(&wall.points, range, |cell| {
                 cells.push((cell as u32, w as u32));
-                spread.add(cell, &wall.velocity[0]);
-                spread.add(cell, &wall.velocity[1]);
+                bounds.add(cell, &wall.velocity[0]);
+                bounds.add(cell, &wall.velocity[1]);
             });
         }
-        self.spread.close(&self.grid);
+        self.bounds.close(&self.grid);
         // A fast grain may reach further: the list must cover the range of every cell.
-        let reach = (0..self.grid.coarse_count()).fold(0.0, |a: f64, c| a.max(self.spread.speed(c)));
+        let reach = (0..self.grid.coarse_count()).fold(0.0, |a: f64, c| a.max(self.bounds.speed(c)));
         let range = large * (1.0 + SKIN) + reach * scene.h;
         self.wall_cells.clear();
         for (w, wall) in scene.placed.iter().enumerate() {
@@ -200,7 +200,7 @@ impl<const D: usize> Search<D> {
         let first = part.pairs.len();
         grid.each_in_tile(tile, |cell, a, others| {
             let i = grid.order[a] as usize;
-            let range = self.spread.speed(cell) * scene.h;
+            let range = self.bounds.speed(cell) * scene.h;
             if others.is_none() && !self.wall_starts.is_empty() && !p.held(i) {
                 let walls = self.wall_starts[cell] as usize..self.wall_starts[cell + 1] as usize;
                 near_walls(scene, i, &self.wall_of[walls], range, &mut part.near);
@@ -286,7 +286,7 @@ impl<const D: usize> Search<D> {
             let i = i as usize;
             let cell = self.grid.coarse_of(&p.position[i]);
             let v = problem.bodies.velocity(slot);
-            self.spread.allows(cell, &v, p.radius[i], scene.h) || self.runs_free(scene, problem, i, &v)
+            self.bounds.allows(cell, &v, p.radius[i], scene.h) || self.runs_free(scene, problem, i, &v)
         })
     }
 

@@ -117,7 +117,7 @@ pub(crate) const NOBODY: u32 = u32::MAX;
 
 /// Who holds the velocities of the nodes.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Holders<const D: usize> {
+pub(crate) struct Owners<const D: usize> {
     /// The last condition that fixes each node.
     fixed: Vec<u32>,
     /// Nodes that slide along walls: node, condition, and the sum of normals times measure of its facets there; in the order of nodes.
@@ -127,7 +127,7 @@ pub(crate) struct Holders<const D: usize> {
 /// Normals that differ by less, relative to their length, are the same.
 const ALIKE: f64 = 1e-9;
 
-impl<const D: usize> Holders<D> {
+impl<const D: usize> Owners<D> {
     /// Takes the conditions of a step.
     pub fn fill<const B: usize>(&mut self, geometry: &Geometry<D, B>, conditions: &[Condition<D>]) {
         let mesh = &geometry.mesh;

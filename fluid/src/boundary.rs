@@ -1,7 +1,7 @@
 //! Boundary integrals of the weak forms and the conditions that replace equations.
 
 use crate::assembly::System;
-use crate::conditions::{Condition, FlowCondition, Hold, ScalarCondition, facets};
+use crate::conditions::{Condition, Constraint, FlowCondition, ScalarCondition, facets};
 use crate::element::{facet_normal, facet_rule};
 use crate::geometry::Geometry;
 use crate::{Error, Mesh, Result, Vector};
@@ -44,7 +44,7 @@ impl<'a, const D: usize> Facet<'a, D> {
 }
 
 /// The boundary in one step.
-pub struct Around<'a, const D: usize, const B: usize> {
+pub struct BoundaryTerms<'a, const D: usize, const B: usize> {
     /// The mesh.
     pub geometry: &'a Geometry<D, B>,
     /// Its conditions.
@@ -62,7 +62,7 @@ pub struct Through {
     pub gross: f64,
 }
 
-impl<const D: usize, const B: usize> Around<'_, D, B> {
+impl<const D: usize, const B: usize> BoundaryTerms<'_, D, B> {
     /// Adds to the flow equations <<eps u . n, q>> of every facet, and of open ones
     /// <<p_out n, v>> - <<eps rho min((u_n - u_mesh) . n, 0) u, v>>.
     ///
@@ -148,17 +148,20 @@ fn add_known<const D: usize, const B: usize>(
 
 /// Puts the velocity conditions into the momentum equations: rows of fixed nodes become u = value; where only
 /// normals n are held, the rows are projected on the tangents and n n^T u = n n^T u_wall is added.
-pub fn apply_holds<const D: usize, const B: usize>(holds: &[Option<Hold<D>>], system: &mut System<B>) {
-    for (node, hold) in holds.iter().enumerate() {
-        match hold {
+pub fn apply_constraints<const D: usize, const B: usize>(
+    constraints: &[Option<Constraint<D>>],
+    system: &mut System<B>,
+) {
+    for (node, constraint) in constraints.iter().enumerate() {
+        match constraint {
             None => {}
-            Some(Hold::Fixed(value)) => (0..D).for_each(|i| system.prescribe(node, i, value[i])),
-            Some(Hold::Normal { normals, wall }) => hold_normals(normals, wall, node, system),
+            Some(Constraint::Fixed(value)) => (0..D).for_each(|i| system.prescribe(node, i, value[i])),
+            Some(Constraint::Normal { normals, wall }) => constrain_normals(normals, wall, node, system),
         }
     }
 }
 
-fn hold_normals<const D: usize, const B: usize>(
+fn constrain_normals<const D: usize, const B: usize>(
     normals: &[Vector<D>],
     wall: &Vector<D>,
     node: usize,

@@ -94,7 +94,7 @@ pub enum ScalarCondition {
 
 /// What holds the velocity of a node.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Hold<const D: usize> {
+pub enum Constraint<const D: usize> {
     /// The whole velocity is given.
     Fixed(Vector<D>),
     /// The components along these orthonormal directions are those of the wall.
@@ -138,15 +138,15 @@ pub fn facets<'a, const D: usize>(
 ///
 /// Slip normals of facets within 30 degrees are averaged (a smooth boundary); a sharper corner holds each
 /// of its directions. `moving` holds the velocities of the nodes if the mesh moves.
-pub fn holds<const D: usize>(
+pub fn constraints<const D: usize>(
     mesh: &Mesh<D>,
     conditions: &[Condition<D>],
     voidage: &[f64],
     moving: Option<&[Vector<D>]>,
-    holds: &mut Vec<Option<Hold<D>>>,
+    constraints: &mut Vec<Option<Constraint<D>>>,
 ) {
-    holds.clear();
-    holds.resize(mesh.points.len(), None);
+    constraints.clear();
+    constraints.resize(mesh.points.len(), None);
     for condition in conditions {
         for facet in facets(mesh, &condition.boundary) {
             for &node in facet {
@@ -157,30 +157,35 @@ pub fn holds<const D: usize>(
                     FlowCondition::SuperficialVelocity(value) => value.at(node) / voidage[node],
                     FlowCondition::NoSlip => wall(),
                     FlowCondition::Slip => {
-                        add_normal(mesh, facet, wall(), &mut holds[node]);
+                        add_normal(mesh, facet, wall(), &mut constraints[node]);
                         continue;
                     }
                     FlowCondition::Open { .. } => continue,
                 };
-                holds[node] = Some(Hold::Fixed(value));
+                constraints[node] = Some(Constraint::Fixed(value));
             }
         }
     }
-    for hold in holds.iter_mut().flatten() {
-        if let Hold::Normal { normals, .. } = hold {
+    for constraint in constraints.iter_mut().flatten() {
+        if let Constraint::Normal { normals, .. } = constraint {
             orthonormalise(normals);
         }
     }
 }
 
-fn add_normal<const D: usize>(mesh: &Mesh<D>, facet: &[u32], wall: Vector<D>, hold: &mut Option<Hold<D>>) {
+fn add_normal<const D: usize>(
+    mesh: &Mesh<D>,
+    facet: &[u32],
+    wall: Vector<D>,
+    constraint: &mut Option<Constraint<D>>,
+) {
     const SAME: f64 = 0.866; // cos 30 degrees
     let corner: [Vector<D>; D] = std::array::from_fn(|k| mesh.points[facet[k] as usize]);
     let (measure, normal) = crate::element::facet_normal(&corner);
-    match hold {
-        Some(Hold::Fixed(_)) => {}
-        None => *hold = Some(Hold::Normal { normals: vec![normal * measure], wall }),
-        Some(Hold::Normal { normals, .. }) => {
+    match constraint {
+        Some(Constraint::Fixed(_)) => {}
+        None => *constraint = Some(Constraint::Normal { normals: vec![normal * measure], wall }),
+        Some(Constraint::Normal { normals, .. }) => {
             match normals.iter_mut().find(|other| other.normalize().dot(&normal).abs() > SAME) {
                 Some(other) => *other += normal * measure * other.dot(&normal).signum(),
                 None => normals.push(normal * measure),

@@ -1,8 +1,8 @@
 //! The fluid solver: state, one step, and what it reports.
 
 use crate::assembly::{Assembler, KeptRows, System};
-use crate::balance::{self, Balance, Holders, NOBODY, Solved};
-use crate::conditions::{self, Condition, FlowCondition, Hold, ScalarCondition};
+use crate::balance::{self, Balance, NOBODY, Owners, Solved};
+use crate::conditions::{self, Condition, Constraint, FlowCondition, ScalarCondition};
 use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
@@ -107,8 +107,8 @@ pub struct Flow<const D: usize, const B: usize> {
     system: System<B>,
     solver: Solver<B>,
     scalars: Vec<Equation>,
-    holds: Vec<Option<Hold<D>>>,
-    holders: Holders<D>,
+    constraints: Vec<Option<Constraint<D>>>,
+    owners: Owners<D>,
     kept: KeptRows<B>,
     sorted: PointsByCell,
     solid_flux: Vec<Vector<D>>,
@@ -146,12 +146,12 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             scalars: scalars.iter().map(equation).collect(),
             solid_flux: Vec::new(),
             kept: KeptRows::default(),
-            holders: Holders::default(),
+            owners: Owners::default(),
             unknown: vec![0.0; nodes * B],
             next: state.clone(),
             newton: numerics.newton.max(1),
             sources: None,
-            holds: Vec::new(),
+            constraints: Vec::new(),
             sorted: PointsByCell::default(),
             geometry: Geometry::new(mesh)?,
             properties,
@@ -263,7 +263,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         solved.integrals(out);
         let pattern = &self.assembler.pattern;
         self.kept.reactions(pattern, &self.unknown, |node, reaction| {
-            self.holders.share_force(node, Vector::from_fn(|i, _| -reaction[i]), out);
+            self.owners.share_force(node, Vector::from_fn(|i, _| -reaction[i]), out);
         });
         for (k, equation) in self.scalars.iter().enumerate() {
             equation.kept.reactions(pattern, &self.next.scalars[k], |node, [given]| {
@@ -327,13 +327,19 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     ) -> Result<()> {
         self.assemble_flow(iteration, dt, voidage, points);
         let geometry = &self.geometry;
-        conditions::holds(&geometry.mesh, conditions, voidage, geometry.motion(), &mut self.holds);
-        let around = boundary::Around { geometry, conditions, voidage };
-        let through = around.add_flow(self.properties.density, &self.state.velocity, &mut self.system);
-        self.holders.fill(geometry, conditions);
-        let held = self.holds.iter().enumerate().filter(|(_, hold)| hold.is_some());
+        conditions::constraints(
+            &geometry.mesh,
+            conditions,
+            voidage,
+            geometry.motion(),
+            &mut self.constraints,
+        );
+        let terms = boundary::BoundaryTerms { geometry, conditions, voidage };
+        let through = terms.add_flow(self.properties.density, &self.state.velocity, &mut self.system);
+        self.owners.fill(geometry, conditions);
+        let held = self.constraints.iter().enumerate().filter(|(_, constraint)| constraint.is_some());
         self.kept.keep(&self.system, held.map(|(node, _)| node));
-        boundary::apply_holds(&self.holds, &mut self.system);
+        boundary::apply_constraints(&self.constraints, &mut self.system);
         let closed = !conditions.iter().any(|c| matches!(c.flow, FlowCondition::Open { .. }));
         if closed {
             let mass = self.sources.as_ref().map_or(0.0, |sources| {

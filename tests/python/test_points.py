@@ -51,9 +51,9 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
     expected = 0.0
     for i, phi, cell, around, gradient, u, slope, _ in each_point(mesh, points, fields):
         gamma, V = points.drag[i], points.volume[i]
-        push = gamma * u - V * slope
-        law = points.velocity[i] + points.mobility[i] * push
-        of_flux = points.flux_velocity[i] + points.flux_mobility[i] * push
+        forcing = gamma * u - V * slope
+        law = points.velocity[i] + points.mobility[i] * forcing
+        of_flux = points.flux_velocity[i] + points.flux_mobility[i] * forcing
         force = V * slope - gamma * (u - law)
         slope_v, slope_q = v[around].T @ gradient, q[around] @ gradient
         weighed = (
@@ -101,8 +101,8 @@ def test_what_the_fluid_loses_the_points_gain(case):
     lost = (np.einsum("caibj,cbj->cai", matrix, unknown) - rhs)[..., :-1].sum(axis=(0, 1))
     gained = []
     for i, _, _, _, _, u, slope, _ in each_point(mesh, points, fields):
-        push = points.drag[i] * u - points.volume[i] * slope
-        gained.append(push - points.drag[i] * (points.velocity[i] + points.mobility[i] * push))
+        forcing = points.drag[i] * u - points.volume[i] * slope
+        gained.append(forcing - points.drag[i] * (points.velocity[i] + points.mobility[i] * forcing))
     scale = np.linalg.norm(gained, axis=1).sum()
     np.testing.assert_allclose(lost, np.sum(gained, axis=0), atol=1e-13 * scale)
 

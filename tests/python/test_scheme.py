@@ -14,9 +14,9 @@ class Henry:
         grains, load = system.grains, system.load
         mass, inertia = grains["mass"], grains["mass"] / dt
         mobility = 1 / (inertia + load["drag"])
-        push = grains["velocity"] * inertia[:, None] + system.gravity * mass[:, None]
+        total = grains["velocity"] * inertia[:, None] + system.gravity * mass[:, None]
         load["mobility"] = mobility
-        load["velocity"] = (push + grains["contact_force"]) * mobility[:, None]
+        load["velocity"] = (total + grains["contact_force"]) * mobility[:, None]
         inertia = grains["heat_capacity"] / dt
         mobility = 1 / (inertia + load["heat_coefficient"])
         load["heat_mobility"] = mobility
@@ -56,7 +56,7 @@ class Implicit:
     """Implicit drag and laws around a trial response, iterated until grains and fluid agree. The built-in `iterated` knows
     the contacts and agrees sooner, but on the same."""
 
-    def push(self, system):
+    def forcing(self, system):
         load, at = system.load, system.at_grains
         drag, volume = load["drag"][:, None], load["volume"][:, None]
         heat = load["heat_coefficient"] * at["temperature"]
@@ -68,10 +68,10 @@ class Implicit:
         load, grains, start = system.load, system.grains, system.grain_state()
         mobility = 1 / (grains["mass"] / dt + load["drag"])
         warming = 1 / (grains["heat_capacity"] / dt + load["heat_coefficient"])
-        force, heat = self.push(system)
+        force, heat = self.forcing(system)
         system.separate_continuity()
         for self.solves in range(1, 41):
-            response, warmth = system.push_grains(force, heat)
+            response, warmth = system.drive_grains(force, heat)
             system.restore_grains(start)
             load["mobility"] = np.zeros_like(mobility)
             load["velocity"] = response
@@ -80,8 +80,8 @@ class Implicit:
             load["heat_mobility"] = warming
             load["temperature"] = warmth - warming * heat
             system.solve_fluid()
-            force, heat = self.push(system)
-            velocity, _ = system.push_grains(force, heat)
+            force, heat = self.forcing(system)
+            velocity, _ = system.drive_grains(force, heat)
             if abs(velocity - response).max() < 1e-12:
                 break
             system.restore_grains(start)
@@ -105,11 +105,11 @@ def test_any_law_leads_to_the_same_step_when_iterated():
         assert abs(other.grains[name] - built_in.grains[name]).max() > 10 * left
 
 
-def test_a_push_without_the_heat_of_the_scene_is_told():
+def test_a_forcing_without_the_heat_of_the_scene_is_told():
     class Cold(Henry):
         def step(self, system, dt):
             with pytest.raises(ValueError, match="`heat` is missing"):
-                system.push_grains(np.zeros((40, 2)))
+                system.drive_grains(np.zeros((40, 2)))
             super().step(system, dt)
 
     voidage.Simulation(BED, scheme=Cold()).step()

@@ -53,9 +53,9 @@ def force_on(box, points, fields):
     """Force of the fluid on all points, N."""
     u, _ = at_points(box, points, fields.velocity)
     _, slope = at_points(box, points, fields.pressure)
-    push = points.drag[:, None] * u - points.volume[:, None] * slope
-    law = points.velocity + points.mobility[:, None] * push
-    return (push - points.drag[:, None] * law).sum(axis=0)
+    forcing = points.drag[:, None] * u - points.volume[:, None] * slope
+    law = points.velocity + points.mobility[:, None] * forcing
+    return (forcing - points.drag[:, None] * law).sum(axis=0)
 
 
 def given_to(box, points, fields, k):

@@ -302,7 +302,7 @@ impl Scheme<2> for HeldAnchored {
         load.mobility = vec![0.0; count];
         load.velocity = vec![Vec2::zeros(); count];
         let mobility: Vec<f64> = load.drag.iter().map(|drag| self.0 / drag).collect();
-        let at = |i: usize| -load.push(&both.at, i) * mobility[i];
+        let at = |i: usize| -load.forcing(&both.at, i) * mobility[i];
         let velocity = (0..count).map(at).collect();
         load.continuity = Some(Law { mobility, velocity });
         mixture.solve_fluid(dt, &mut report)?;

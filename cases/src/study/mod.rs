@@ -138,7 +138,7 @@ impl Work<'_> {
         };
         let left: Vec<&Run> = runs.iter().copied().filter(|run| !is_there(record, run)).collect();
         // By cost: the last run may take longer than all before it.
-        let progress = Progress::of("hundredth", 0, 100, quiet);
+        let progress = Progress::percent(quiet);
         let whole: f64 = left.iter().map(|run| run.cost).sum();
         let (mut done, mut failed) = (0.0, 0);
         for (k, run) in left.iter().enumerate() {

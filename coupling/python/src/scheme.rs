@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use std::sync::{Mutex, PoisonError, TryLockError};
 use voidage_coupling::load::Law;
 use voidage_coupling::scheme::Scheme;
-use voidage_coupling::scheme::anchored::Push;
+use voidage_coupling::scheme::anchored::Forcing;
 use voidage_coupling::{Error, Mixture, Result, StepReport};
 
 /// A scheme that calls an object with a method `step(system, dt)`.
@@ -136,9 +136,9 @@ impl System {
     /// Moves the grains by a step under `force` (g, D), N, and `heat` (g), W, from which the drag and the heat transfer of the
     /// grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts included. Returns the mean
     /// velocity over the step, (g, D), and the mean temperature, (g), if there is heat; `grains["force"]` and `grains["heat"]` are
-    /// then what is left of the push.
+    /// then what is left of the forcing.
     #[pyo3(signature = (force, heat=None))]
-    fn push_grains<'py>(
+    fn drive_grains<'py>(
         &self,
         py: Python<'py>,
         force: &Bound<'py, PyAny>,
@@ -155,16 +155,16 @@ impl System {
             (Some(_), false) => return Err(PyValueError::new_err("`heat` is given, the scene has none")),
             (None, true) => return Err(PyValueError::new_err("`heat` is missing, the scene has heat")),
         };
-        let push = Push { force, heat };
+        let forcing = Forcing { force, heat };
         let (velocity, temperature) = self.with(py, |held| {
-            held.mixture.push_grains(held.dt, &push, &mut held.report)?;
+            held.mixture.drive_grains(held.dt, &forcing, &mut held.report)?;
             let Mixture { grains, interaction, .. } = &mut held.mixture;
             for (i, velocity) in grains.mean_velocity().iter().enumerate() {
-                interaction.force[i] = push.force[i] - velocity * interaction.load.drag[i];
+                interaction.force[i] = forcing.force[i] - velocity * interaction.load.drag[i];
             }
             if let Some(law) = &interaction.load.heat {
                 for (i, temperature) in grains.mean_temperature().iter().enumerate() {
-                    interaction.heat[i] = push.heat[i] - temperature * law.coefficient[i];
+                    interaction.heat[i] = forcing.heat[i] - temperature * law.coefficient[i];
                 }
             }
             let temperature = warm.then(|| Column::from(grains.mean_temperature()));

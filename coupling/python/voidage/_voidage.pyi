@@ -166,14 +166,14 @@ class System:
     def move_grains(self) -> None:
         """Moves the grains by a step under ``grains["force"]`` and ``grains["heat"]``, contacts
         included."""
-    def push_grains(
+    def drive_grains(
         self, force: ArrayLike, heat: ArrayLike | None = None
     ) -> tuple[_Floats, _Floats | None]:
         """Moves the grains by a step under ``force`` (g, D), N, and ``heat`` (g), W (exactly if the
         scene has heat), from which the drag and the heat transfer of the grains themselves go off,
         ``load["drag"]`` v and ``load["heat_coefficient"]`` T, implicitly; contacts included.
         Returns the mean velocity over the step, (g, D), and the mean temperature, (g), if there is
-        heat; ``grains["force"]`` and ``grains["heat"]`` are then what is left of the push."""
+        heat; ``grains["force"]`` and ``grains["heat"]`` are then what is left of the forcing."""
     def separate_continuity(self) -> None:
         """Gives the solid flux in the equation of mass a law of its own,
         ``load["continuity_mobility"]`` and ``load["continuity_velocity"]``, at first that of the

@@ -114,8 +114,8 @@ class PointSums:
         p, nodes = self.points, self.mesh.nodes[self.points.cell]
         u = np.einsum("qa,qai->qi", p.shape, fields.velocity[nodes])
         slope = np.einsum("qa,qai->qi", fields.pressure[nodes], self.mesh.gradient[p.cell])
-        push = p.drag[:, None] * u - p.volume[:, None] * slope
-        v = p.flux_velocity + p.flux_mobility[:, None] * push
+        forcing = p.drag[:, None] * u - p.volume[:, None] * slope
+        v = p.flux_velocity + p.flux_mobility[:, None] * forcing
         parts = p.shape[:, :, None] * (p.volume[:, None] * v)[:, None, :]
         flux = np.zeros_like(fields.velocity)
         np.add.at(flux, nodes, parts)

@@ -151,7 +151,7 @@ flow = "open"
     fn a_wall_along_nothing_or_along_and_between_is_named() {
         let said = |change: [&str; 2]| {
             let text = SCENE.replacen(change[0], change[1], 1);
-            Scene::parse(Path::new("scene.toml"), &text, &[]).err().expect("a mistake").to_string()
+            Scene::parse(Path::new("scene.toml"), &text, &[]).expect_err("a mistake").to_string()
         };
         assert!(said(["along = \"walls\"", "along = \"wals\""]).contains("no boundary \"wals\""));
         let both = said(["along = \"walls\"", "along = \"walls\"\nfrom = [0.0, 0.0]"]);

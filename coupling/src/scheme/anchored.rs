@@ -1,7 +1,7 @@
 //! Laws anchored at the response of the grains: v* = w + M (f - f_k), one for momentum and one for the solid flux.
 //!
-//! f = gamma u - V grad p is what the fluid pushes a grain with. Under a push f_k that is known - that of the last step, or of
-//! the last iterate - the grains are moved on trial, contacts, walls and implicit drag included: w = R(f_k) is their
+//! f = gamma u - V grad p is the forcing of the fluid on a grain: its force on the grain at rest. Under a forcing f_k that is
+//! known - that of the last step, or of the last iterate - the grains are moved on trial, contacts, walls and implicit drag included: w = R(f_k) is their
 //! mean velocity over the step. M stands for the slope dR/df. Whatever M, where the fluid answers with f_k again the law gives
 //! R(f_k), the exact coupled solution; M decides only whether and how fast that is reached.
 //!
@@ -37,7 +37,7 @@
 //! tensor is needed.
 //!
 //! Who is held is known only where f is close to f_k. A bed on its floor that f will lift is held in the trial under f_k all the same,
-//! and theta_c = 0 then gives the -(X + Y) of free grains: it jumps, the push that stopped it is too small, it is held by the next
+//! and theta_c = 0 then gives the -(X + Y) of free grains: it jumps, the forcing that stopped it is too small, it is held by the next
 //! trial, and jumps higher. So a grain counts as held only while little is carried of it beside gamma T_0 f dt, that is, while it moved in
 //! the last step as it had in the trial before.
 //!
@@ -71,8 +71,8 @@
 //! alone. For other tau a test goes through the steps.
 //!
 //! **Pieces.** The fluid applies the law at each piece into which its mesh cuts a grain, so that its equations stay local. A piece with more
-//! push than the others would give way by M times the difference, though a grain is rigid, and the result would be the same whatever M
-//! only as far as the push is the same within a grain: beds in water carried up to 2.6 % less than their drag law where most steps iterate, and
+//! forcing than the others would give way by M times the difference, though a grain is rigid, and the result would be the same whatever M
+//! only as far as the forcing is the same within a grain: beds in water carried up to 2.6 % less than their drag law where most steps iterate, and
 //! came to rest looser by 3 % or not, by the step. So what the law of the flux gave a piece beyond its grain in the last step is taken from
 //! it ([`crate::exchange`]). The law of momentum has M = 0 where contacts act; without contacts and with
 //! one law for both nothing is taken, as in `henry`.
@@ -86,21 +86,21 @@ use crate::{Carried, Interaction, Mixture};
 use voidage_dem::{Bond, Bonds, Dem};
 use voidage_fluid::Vector;
 
-/// What the fluid pushes and heats the grains with, apart from what they do themselves.
+/// The forcing of the fluid: the force and the heat that the grains would get at rest and at zero temperature.
 #[derive(Clone, Debug, Default)]
-pub struct Push<const D: usize> {
+pub struct Forcing<const D: usize> {
     /// gamma u - V grad p, N.
     pub force: Vec<Vector<D>>,
     /// hA T, W; empty without heat.
     pub heat: Vec<f64>,
 }
 
-impl<const D: usize> Push<D> {
-    /// The push of the fluid at the grains, with the coefficients of the present load.
+impl<const D: usize> Forcing<D> {
+    /// The forcing of the fluid at the grains, with the coefficients of the present load.
     pub fn read(&mut self, mixture: &Mixture<D>) {
         let Interaction { load, at, .. } = &mixture.interaction;
         self.force.clear();
-        self.force.extend((0..load.drag.len()).map(|i| load.push(at, i)));
+        self.force.extend((0..load.drag.len()).map(|i| load.forcing(at, i)));
         self.heat.clear();
         if let Some(heat) = &load.heat {
             self.heat.extend(heat.coefficient.iter().zip(&at.temperature).map(|(h, t)| h * t));
@@ -108,7 +108,7 @@ impl<const D: usize> Push<D> {
     }
 }
 
-/// The law of the grains around their response to a push.
+/// The law of the grains around their response to a forcing.
 #[derive(Clone, Debug, Default)]
 pub struct Anchor {
     bonds: Bonds,
@@ -117,7 +117,7 @@ pub struct Anchor {
 /// theta_c of a held grain. Not zero: in an element full of grain the mobility is what couples the pressures of its nodes.
 const HELD: f64 = 1e-3;
 
-/// How far a grain may have moved beside its trial, over what the push would move it freely, for its contacts to count as holding it:
+/// How far a grain may have moved beside its trial, over what the forcing would move it freely, for its contacts to count as holding it:
 /// what counts as agreement of grains and fluid by default.
 const CALM: f64 = 1e-2;
 
@@ -166,17 +166,17 @@ fn confinement(free: f64, drag: f64, inertia: f64, voidage: f64) -> f64 {
 
 /// What v* must be lower by for the fluid to give an impulse (N s) at a drag times dt of `drag` (kg):
 /// f - gamma (v* - J / (gamma dt)) = f - gamma v* + J/dt.
-pub fn owed<const D: usize>(impulse: Vector<D>, drag: f64) -> Vector<D> {
+pub fn velocity_offset<const D: usize>(impulse: Vector<D>, drag: f64) -> Vector<D> {
     if drag > 0.0 { impulse / drag } else { Vector::zeros() }
 }
 
 impl Anchor {
-    /// Fills the laws of the load around the response of the grains, which have just moved under `push` in `substeps`. Where
+    /// Fills the laws of the load around the response of the grains, which have just moved under `forcing` in `substeps`. Where
     /// `cautious`, no grain counts as held.
     pub fn fill<const D: usize>(
         &mut self,
         mixture: &mut Mixture<D>,
-        push: &Push<D>,
+        forcing: &Forcing<D>,
         times: Times,
         cautious: bool,
     ) {
@@ -193,25 +193,25 @@ impl Anchor {
         for i in 0..particles.len() {
             let drag = load.drag[i];
             let free = if particles.held(i) { 0.0 } else { slope(particles.mass[i], drag, dt, substeps) };
-            let agreed = carried.impulse[i].norm() <= CALM * free * drag * push.force[i].norm() * dt;
+            let agreed = carried.impulse[i].norm() <= CALM * free * drag * forcing.force[i].norm() * dt;
             let [momentum, mass] =
                 shares::<D>(self.bonds.of(i), cautious || !agreed).map(|share| share * free);
-            let around = |mobility: f64| (mobility, response[i] - push.force[i] * mobility);
+            let around = |mobility: f64| (mobility, response[i] - forcing.force[i] * mobility);
             (flux.mobility[i], flux.velocity[i]) = around(mass);
             (load.mobility[i], load.velocity[i]) = around(momentum);
-            load.velocity[i] -= owed(carried.impulse[i] * RETURNED, drag * whole);
+            load.velocity[i] -= velocity_offset(carried.impulse[i] * RETURNED, drag * whole);
             let inertia = interaction.laws.density * load.volume[i] / dt;
             let confined = confinement(free, drag, inertia, interaction.voidage[i]);
             flux.velocity[i] -= carried.displacement[i] * (RETURNED / (1.0 + confined) / whole);
         }
-        self.fill_heat(grains, interaction, push, times);
+        self.fill_heat(grains, interaction, forcing, times);
     }
 
     fn fill_heat<const D: usize>(
         &self,
         grains: &Dem<D>,
         interaction: &mut Interaction<D>,
-        push: &Push<D>,
+        forcing: &Forcing<D>,
         Times { dt, whole, substeps }: Times,
     ) {
         let (Some(law), Some(heat)) = (&mut interaction.load.heat, &grains.particles.heat) else { return };
@@ -223,8 +223,9 @@ impl Anchor {
             let inertia = capacity * substeps as f64 / dt + transfer;
             let contacts = conductance.next().unwrap_or(0.0);
             let mobility = inertia / (inertia + contacts) * slope(capacity, transfer, dt, substeps);
-            let owed = law.owed(carried.heat[i] * RETURNED, whole, i);
-            (law.mobility[i], law.temperature[i]) = (mobility, response[i] - mobility * push.heat[i] - owed);
+            let offset = law.temperature_offset(carried.heat[i] * RETURNED, whole, i);
+            (law.mobility[i], law.temperature[i]) =
+                (mobility, response[i] - mobility * forcing.heat[i] - offset);
         }
     }
 }
@@ -252,16 +253,16 @@ mod tests {
             for (b, tau) in product(&[1e-2, 1.0, 3.0, 10.0, 1e2, 1e5], &[0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0]) {
                 let x = confinement(1.0 / (1.0 + b), b, density, voidage);
                 let y = b * (1.0 - voidage) / voidage / (1.0 + b);
-                let (mut push, mut impulse, mut distance) = (1.0, 1.0, 1.0);
+                let (mut forcing, mut impulse, mut distance) = (1.0, 1.0, 1.0);
                 for _ in 0..(60.0 * (1.0 + x) / part) as usize {
-                    let momentum = tau * push - returned * impulse;
-                    let around = (tau - 1.0) * push - returned / (1.0 + x) * distance;
+                    let momentum = tau * forcing - returned * impulse;
+                    let around = (tau - 1.0) * forcing - returned / (1.0 + x) * distance;
                     let answer = -(x * around + y * momentum) / (1.0 + x);
                     impulse += momentum - tau * answer;
                     distance += around + answer - tau * answer;
-                    push = answer;
+                    forcing = answer;
                 }
-                let left = push.abs() + impulse.abs() + distance.abs();
+                let left = forcing.abs() + impulse.abs() + distance.abs();
                 assert!(
                     left < 1e-9 * (1.0 + x),
                     "voidage {voidage}, density {density}, B {b}, tau {tau}: {left}"

@@ -40,8 +40,8 @@ pub(super) fn predict<const D: usize>(
             let inertia = particles.mass[i] / dt;
             let mobility = 1.0 / (inertia + load.drag[i]);
             let force = if contacts { grains.contact_force()[i] } else { Vector::zeros() };
-            let push = particles.velocity[i] * inertia + gravity * particles.mass[i] + force;
-            (mobility, push * mobility)
+            let total = particles.velocity[i] * inertia + gravity * particles.mass[i] + force;
+            (mobility, total * mobility)
         };
     }
     let (Some(law), Some(heat)) = (&mut load.heat, &particles.heat) else { return };

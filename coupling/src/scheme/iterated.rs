@@ -1,8 +1,8 @@
 //! Fluid and grains solved in turn until they agree, with the law of [`super::anchored`].
 //!
-//! A step: the grains respond to the push of the last step, on trial; the fluid is solved with the law around that
-//! response; the grains move under the new push. If they end up where the fluid expected them, that is the step: one solution of
-//! the fluid. Else the law is anchored anew, with the push improved by a [relaxation](super::relaxation), and so on.
+//! A step: the grains respond to the forcing of the last step, on trial; the fluid is solved with the law around that
+//! response; the grains move under the new forcing. If they end up where the fluid expected them, that is the step: one solution of
+//! the fluid. Else the law is anchored anew, with the forcing improved by a [relaxation](super::relaxation), and so on.
 //! `anchored` stops after the first solution.
 //!
 //! **Agreement** is measured by what the difference of velocity is worth to the fluid, (gamma + rho_f V/dt) |v - v*|, over all
@@ -14,7 +14,7 @@
 //! stays a multiple of it. The mesh moves with the parts.
 
 use super::Scheme;
-use super::anchored::{Anchor, Push, Times};
+use super::anchored::{Anchor, Forcing, Times};
 use super::relaxation::{Relaxation, Relaxer};
 use crate::agreement::{Comparison, Temperatures};
 use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
@@ -31,7 +31,7 @@ pub struct Iteration {
     pub tolerance: f64,
     /// Solutions of the fluid per step at most. At least 1. Default 20.
     pub most: usize,
-    /// How the next push is made of the last ones: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default `"iqn-ils"`.
+    /// How the next forcing is made of the last ones: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default `"iqn-ils"`.
     pub relaxation: Relaxation,
     /// Whether a step that does not reach the tolerance, or in which a grain moves further than `travel`, is done again in halves,
     /// quarters and so on down to 1/64. Default `false`.
@@ -79,8 +79,8 @@ impl<const D: usize> Mean<D> {
 /// The scheme.
 pub struct Iterated<const D: usize> {
     iteration: Iteration,
-    push: Push<D>,
-    answer: Push<D>,
+    forcing: Forcing<D>,
+    answer: Forcing<D>,
     anchor: Anchor,
     relaxer: Relaxer,
 }
@@ -98,8 +98,8 @@ impl<const D: usize> Iterated<D> {
     /// The scheme with these settings.
     pub fn new(iteration: Iteration) -> Self {
         let relaxer = Relaxer::new(iteration.relaxation);
-        let (push, answer) = (Push::default(), Push::default());
-        Self { iteration, push, answer, anchor: Anchor::default(), relaxer }
+        let (forcing, answer) = (Forcing::default(), Forcing::default());
+        Self { iteration, forcing, answer, anchor: Anchor::default(), relaxer }
     }
 
     /// Advances by `dt`, in parts if need be and allowed, and accepts them.
@@ -155,18 +155,18 @@ impl<const D: usize> Iterated<D> {
     ) -> Result<Agreement> {
         mixture.cut_grains(report)?;
         mixture.evaluate_closures(report)?;
-        mixture.grains.mark();
-        self.push.read(mixture);
-        rehearse(mixture, dt, &self.push, report)?;
+        mixture.grains.save();
+        self.forcing.read(mixture);
+        rehearse(mixture, dt, &self.forcing, report)?;
         self.relaxer.restart();
         let (mut cautious, mut last, mut solves) = (false, f64::INFINITY, 0);
         loop {
             solves += 1;
             let substeps = report.grains.map_or(1, |grains| grains.substeps);
-            self.anchor.fill(mixture, &self.push, Times { dt, whole, substeps }, cautious);
+            self.anchor.fill(mixture, &self.forcing, Times { dt, whole, substeps }, cautious);
             mixture.solve_fluid(dt, report)?;
             self.answer.read(mixture);
-            mixture.push_grains(dt, &self.answer, report)?;
+            mixture.drive_grains(dt, &self.answer, report)?;
             let mut agreement = Agreement { solves, ..agreement(mixture, dt, whole) };
             let now = agreement.disagreement.max(agreement.heat_disagreement);
             agreement.converged = now <= self.iteration.tolerance;
@@ -176,8 +176,8 @@ impl<const D: usize> Iterated<D> {
             mixture.grains.rewind();
             cautious |= now > SLOW * last;
             last = now;
-            if self.relaxer.improve(mixture, dt, &mut self.push, &self.answer) {
-                rehearse(mixture, dt, &self.push, report)?;
+            if self.relaxer.improve(mixture, dt, &mut self.forcing, &self.answer) {
+                rehearse(mixture, dt, &self.forcing, report)?;
             }
         }
     }
@@ -186,17 +186,17 @@ impl<const D: usize> Iterated<D> {
     fn settle(&mut self, mixture: &mut Mixture<D>, dt: f64, agreement: Agreement) -> Agreement {
         let Mixture { grains, interaction, .. } = mixture;
         let Some(mut carried) = interaction.carried.take() else { return agreement };
-        let (push, moved) = (&self.answer, grains.mean_velocity());
+        let (forcing, moved) = (&self.answer, grains.mean_velocity());
         for i in 0..moved.len() {
             carried.impulse[i] += interaction.missed(moved[i], i) * dt;
             carried.displacement[i] += interaction.missed_in_flux(moved[i], i) * dt;
-            interaction.force[i] = push.force[i] - moved[i] * interaction.load.drag[i];
+            interaction.force[i] = forcing.force[i] - moved[i] * interaction.load.drag[i];
         }
         if let Some(law) = &interaction.load.heat {
             let warmed = grains.mean_temperature();
             for i in 0..warmed.len() {
                 carried.heat[i] += law.missed(&interaction.at, warmed[i], i) * dt;
-                interaction.heat[i] = push.heat[i] - law.coefficient[i] * warmed[i];
+                interaction.heat[i] = forcing.heat[i] - law.coefficient[i] * warmed[i];
             }
         }
         let total = carried.impulse.iter().sum::<Vector<D>>().norm();
@@ -209,14 +209,14 @@ impl<const D: usize> Iterated<D> {
     }
 }
 
-/// Moves the grains under a push on trial: only the response is kept.
+/// Moves the grains under a forcing on trial: only the response is kept.
 fn rehearse<const D: usize>(
     mixture: &mut Mixture<D>,
     dt: f64,
-    push: &Push<D>,
+    forcing: &Forcing<D>,
     report: &mut StepReport,
 ) -> Result<()> {
-    mixture.push_grains(dt, push, report)?;
+    mixture.drive_grains(dt, forcing, report)?;
     mixture.grains.rewind();
     Ok(())
 }

@@ -1,9 +1,9 @@
-//! How the next push is made of the last ones and of the answers of the fluid.
+//! How the next forcing is made of the last ones and of the answers of the fluid.
 //!
-//! With x the push that the law is anchored at, g(x) the answer of the fluid and r = g(x) - x, the solution has r = 0.
+//! With x the forcing that the law is anchored at, g(x) the answer of the fluid and r = g(x) - x, the solution has r = 0.
 //! Components are weighed by the mobility of the free grain, so that heavy and light grains, forces and heats count alike.
 
-use super::anchored::Push;
+use super::anchored::Forcing;
 use crate::Mixture;
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
@@ -51,21 +51,21 @@ impl Relaxer {
         self.answers.clear();
     }
 
-    /// Puts the next iterate into `push`. Returns whether it differs from the answer, to which the grains have already responded.
+    /// Puts the next iterate into `forcing`. Returns whether it differs from the answer, to which the grains have already responded.
     pub fn improve<const D: usize>(
         &mut self,
         mixture: &Mixture<D>,
         dt: f64,
-        push: &mut Push<D>,
-        answer: &Push<D>,
+        forcing: &mut Forcing<D>,
+        answer: &Forcing<D>,
     ) -> bool {
         let weight = weights(mixture, dt);
-        let (x, g) = (gather(push, &weight), gather(answer, &weight));
+        let (x, g) = (gather(forcing, &weight), gather(answer, &weight));
         let r = &g - &x;
         let next = self.next(x, g, r);
         match &next {
-            Some(next) => scatter(next, &weight, push),
-            None => push.clone_from(answer),
+            Some(next) => scatter(next, &weight, forcing),
+            None => forcing.clone_from(answer),
         }
         next.is_some()
     }
@@ -127,13 +127,13 @@ fn weights<const D: usize>(mixture: &Mixture<D>, dt: f64) -> Vec<f64> {
     weight
 }
 
-fn gather<const D: usize>(push: &Push<D>, weight: &[f64]) -> DVector<f64> {
-    let numbers = push.force.iter().flat_map(|f| f.iter()).chain(&push.heat);
+fn gather<const D: usize>(forcing: &Forcing<D>, weight: &[f64]) -> DVector<f64> {
+    let numbers = forcing.force.iter().flat_map(|f| f.iter()).chain(&forcing.heat);
     DVector::from_iterator(weight.len(), numbers.zip(weight).map(|(x, w)| x * w))
 }
 
-fn scatter<const D: usize>(numbers: &DVector<f64>, weight: &[f64], push: &mut Push<D>) {
-    let components = push.force.iter_mut().flat_map(|f| f.iter_mut()).chain(&mut push.heat);
+fn scatter<const D: usize>(numbers: &DVector<f64>, weight: &[f64], forcing: &mut Forcing<D>) {
+    let components = forcing.force.iter_mut().flat_map(|f| f.iter_mut()).chain(&mut forcing.heat);
     for ((x, number), w) in components.zip(numbers.iter()).zip(weight) {
         if *w > 0.0 {
             *x = number / w;

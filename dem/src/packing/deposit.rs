@@ -2,7 +2,7 @@
 
 use super::source::Source;
 use super::{Amount, Fill, Method, Observer, Progress, Region, container, pour, solid_fraction, tell};
-use crate::error::{Error, Result, check};
+use crate::error::{Error, Result, Rounded, check};
 use crate::{Contact, ContactForce, Dem, Load, Material, Motion, Particles, Partner, Settings, Vector, Wall};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
@@ -191,7 +191,11 @@ pub fn loose(region: &Region<2>, fill: &Fill<'_>) -> Result<Particles<2>> {
     let cell = 2.0 * largest * (1.0 + JITTER);
     let columns = (width / cell) as usize;
     if columns == 0 {
-        return Err(Error::Scene(format!("the region is {width} m wide: a grain needs {cell} m")));
+        return Err(Error::Scene(format!(
+            "the region is {} m wide: a grain needs {} m",
+            Rounded(width),
+            Rounded(cell)
+        )));
     }
     let cell = [width / columns as f64, cell];
     let endless = matches!(fill.amount, Amount::Fill);

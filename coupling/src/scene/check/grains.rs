@@ -7,7 +7,7 @@ use crate::Error;
 use crate::scene::{Amount, Grains, Lattice, Material, MeshSource, Motion, Placement, Radius, Scene, Wall};
 use crate::totals::DEEP;
 use std::path::Path;
-use voidage_dem::{Particles, Vector, packing::read_table};
+use voidage_dem::{Particles, Rounded, Vector, packing::read_table};
 
 pub(super) fn check(scene: &Scene) -> Checked {
     for (name, material) in &scene.materials {
@@ -279,7 +279,7 @@ fn check_lattice(scene: &Scene, path: &str, lattice: &Lattice, group: &Grains) -
         None => Ok(()),
         Some(axis) => {
             let message = format!("`{path}.upper = {:?}`: the box holds no whole grain", lattice.upper.0);
-            let help = format!("make it at least {diameter} m wide along axis {axis}");
+            let help = format!("make it at least {} m wide along axis {axis}", Rounded(diameter));
             fail(scene, &format!("{path}.upper"), message, help)
         }
     }

@@ -47,14 +47,14 @@ impl<const D: usize> VelocityBox<D> {
 }
 
 #[derive(Default)]
-pub(crate) struct Spread<const D: usize> {
+pub(crate) struct VelocityBounds<const D: usize> {
     own: Vec<VelocityBox<D>>,
     near: Vec<VelocityBox<D>>,
     /// Largest relative speed of two grains of which one lies in the cell, m/s.
     speed: Vec<f32>,
 }
 
-impl<const D: usize> Spread<D> {
+impl<const D: usize> VelocityBounds<D> {
     pub fn clear(&mut self, cells: usize) {
         self.own.clear();
         self.own.resize(cells, VelocityBox::EMPTY);

@@ -3,9 +3,9 @@
 use crate::memory::Memory;
 use crate::{Particles, Vector};
 
-/// What a step changes; buffers are kept from mark to mark.
+/// What a step changes; buffers are kept from one save to the next.
 #[derive(Default)]
-pub(crate) struct Mark<const D: usize> {
+pub(crate) struct Saved<const D: usize> {
     time: f64,
     position: Vec<Vector<D>>,
     velocity: Vec<Vector<D>>,
@@ -16,8 +16,8 @@ pub(crate) struct Mark<const D: usize> {
     memory: Option<Memory<D>>,
 }
 
-impl<const D: usize> Mark<D> {
-    pub fn set(&mut self, time: f64, particles: &Particles<D>, memory: Option<&Memory<D>>) {
+impl<const D: usize> Saved<D> {
+    pub fn save(&mut self, time: f64, particles: &Particles<D>, memory: Option<&Memory<D>>) {
         self.time = time;
         self.position.clone_from(&particles.position);
         self.velocity.clone_from(&particles.velocity);
@@ -32,7 +32,7 @@ impl<const D: usize> Mark<D> {
     }
 
     /// Puts the grains back and returns the time.
-    pub fn get(&self, particles: &mut Particles<D>, memory: &mut Memory<D>) -> f64 {
+    pub fn restore(&self, particles: &mut Particles<D>, memory: &mut Memory<D>) -> f64 {
         particles.position.clone_from(&self.position);
         particles.velocity.clone_from(&self.velocity);
         if let Some(rotation) = &mut particles.rotation {
