@@ -166,7 +166,7 @@ impl FluidSet {
         };
         let interaction = Interaction::new(laws, &fluid.mesh, &grains, at)?;
         let system = System::Mixture(Box::new(Mixture::new(grains, fluid, interaction)));
-        Ok(Coupled::new(system, scheme.build(&Iteration::default())))
+        Ok(Coupled::new(system, scheme.build(&Iteration::default(), None)))
     }
 
     /// Dallavalle's drag and the laws of Ranz and Marshall without correction for neighbours.

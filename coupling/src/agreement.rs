@@ -52,7 +52,7 @@ pub struct Agreement {
     pub converged: bool,
     /// The grains that disagree most and |v - v*| of each, m/s; the worst first, `None` where fewer disagree.
     pub worst: [Option<(u32, f64)>; 3],
-    /// How far the grain that moved furthest did so in a part of the step, in its diameters; zero for schemes that do not look.
+    /// How far the grain that moved furthest did so in a part of the step, in its diameters.
     pub travel: f64,
     /// Parts that the step was done in.
     pub parts: usize,
@@ -93,6 +93,11 @@ impl<const D: usize> Comparison<'_, D> {
             }
         }
         agreement.disagreement = share(sum, scale);
+        let diameters = |(v, radius): (&Vector<D>, &f64)| v.norm() * self.dt / (2.0 * radius);
+        // Without implicit drag there is no mean: the velocity at the end stands for it.
+        let mean = self.grains.mean_velocity();
+        let moved = if mean.is_empty() { &particles.velocity[..] } else { mean };
+        agreement.travel = moved.iter().zip(&particles.radius).map(diameters).fold(0.0, f64::max);
         agreement
     }
 }
@@ -164,8 +169,8 @@ impl Agreement {
             false => format!(", most at grain {}", worst.join(", ")),
         };
         let help = match self.parts > 1 {
-            true => "the step was cut as far as coupling.iteration.auto does: set",
-            false => "set coupling.iteration.auto = true (steps in halves where needed),",
+            true => "the step was cut as far as coupling.cut does: set",
+            false => "set coupling.cut = {} (steps in halves where needed),",
         };
         let text = format!(
             "grains and fluid disagree by {:.1e} of weight and force after {} solutions{grains}{heat}\n  \

@@ -50,7 +50,7 @@ pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<C
         (None, Some(fluid), _) => System::Fluid(Box::new(fluid)),
         (None, None, _) => return Err(Error::Input("the scene has neither grains nor a fluid".into())),
     };
-    Ok(Coupled::new(system, coupling.scheme.build(&coupling.iteration)))
+    Ok(Coupled::new(system, coupling.scheme.build(&coupling.iteration, coupling.cut)))
 }
 
 fn interaction(

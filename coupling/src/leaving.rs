@@ -40,7 +40,7 @@ impl<const D: usize> Mixture<D> {
             return Err(Error::Run(format!(
                 "grain {id} at {:?} of radius {} lies outside of the mesh, behind its boundary \"{name}\"\n  \
                  help: keep grains in by [[walls]], or open that boundary; where a long step throws them out, \
-                 coupling.iteration.auto = true or a smaller time.step",
+                 coupling.cut = {{}} or a smaller time.step",
                 place.as_slice(),
                 particles.radius[grain as usize]
             )));

@@ -361,11 +361,15 @@ impl<const D: usize> Dem<D> {
     pub fn save(&mut self) {
         let aged = self.settings.cohesion.is_some();
         self.saved.save(self.time, &self.particles, aged.then_some(&self.memory));
+        self.saved.contact_force.clone_from(&self.contact_force);
+        self.saved.contact_heat.clone_from(&self.contact_heat);
     }
 
     /// Back to the last [`Self::save`]. The impulses stay those of the step on trial: the next one starts warm from them.
     pub fn rewind(&mut self) {
         self.time = self.saved.restore(&mut self.particles, &mut self.memory);
+        self.contact_force.clone_from(&self.saved.contact_force);
+        self.contact_heat.clone_from(&self.saved.contact_heat);
     }
 
     /// How contacts bind each grain, by those that carried an impulse in the last sub-step.

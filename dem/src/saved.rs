@@ -12,6 +12,10 @@ pub(crate) struct Saved<const D: usize> {
     spin: Vec<f64>,
     angle: Vec<f64>,
     temperature: Vec<f64>,
+    /// Means over the last step, which the next one may start from, N.
+    pub contact_force: Vec<Vector<D>>,
+    /// The same, W.
+    pub contact_heat: Vec<f64>,
     /// With cohesion only: contacts have ages, which a step on trial must not count.
     memory: Option<Memory<D>>,
 }

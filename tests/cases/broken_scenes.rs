@@ -297,10 +297,10 @@ const MISTAKES: &[Mistake] = &[
         &["relaxation", "above 0 and at most 1"],
     ),
     mistake(
-        "a limit on how far grains move, of steps that are not cut",
-        ["scheme = \"iterated\"", "iteration = { travel = 0.5 }"],
-        "iteration",
-        &["coupling.iteration.travel = 0.5", "auto = true"],
+        "parts of steps in which nothing moves",
+        ["scheme = \"iterated\"", "cut = { travel = 0.0 }"],
+        "cut",
+        &["coupling.cut.travel", "above 0"],
     ),
     mistake(
         "remeshing after no step",

@@ -3,9 +3,9 @@
 use std::path::Path;
 use voidage::stability::{Axis, Verdict, axes, sample};
 use voidage::verify::Effort;
-use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::scheme::iterated::{Iterated, Iteration};
-use voidage_coupling::scheme::relaxation::Relaxation;
+use voidage_coupling::scheme::cut::Cutting;
+use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{SchemeName, relaxation::Relaxation};
 use voidage_coupling::{Coupled, Scene, Simulation};
 use voidage_fluid::Vector;
 
@@ -78,7 +78,7 @@ fn henry_after_lagged_is_henry() {
         let start = coupled.grains().expect("grains").state();
         let fields = coupled.fluid().expect("fluid").accepted.clone();
         let at = coupled.interaction().expect("both").at.clone();
-        coupled.set_scheme(first.build(&Iteration::default()));
+        coupled.set_scheme(first.build(&Iteration::default(), None));
         coupled.step(1e-3).expect("a step");
         // Back to the start, with the other scheme.
         coupled.set_time(0.0, 0);
@@ -87,7 +87,7 @@ fn henry_after_lagged_is_henry() {
         fluid.accepted = fields;
         fluid.start().expect("the same mesh");
         coupled.interaction_mut().expect("both").at = at;
-        coupled.set_scheme(SchemeName::Henry.build(&Iteration::default()));
+        coupled.set_scheme(SchemeName::Henry.build(&Iteration::default(), None));
         for _ in 0..3 {
             coupled.step(1e-3).expect("a step");
         }
@@ -99,37 +99,37 @@ fn henry_after_lagged_is_henry() {
 /// A step too hard for the iterations allowed is done in parts, and ends at the same time.
 #[test]
 fn a_step_that_does_not_converge_is_halved() {
-    let solved = |auto: bool, tolerance: f64| {
+    let solved = |cutting: Option<Cutting>, tolerance: f64| {
         let mut simulation = bed();
         let coupled = simulation.coupled_mut();
-        let iteration = Iteration { tolerance, most: 2, auto, ..Iteration::default() };
-        coupled.set_scheme(Box::new(Iterated::new(iteration)));
+        let iteration = Iteration { tolerance, most: 2, ..Iteration::default() };
+        coupled.set_scheme(SchemeName::Iterated.build(&iteration, cutting));
         let report = coupled.step(4e-3).expect("a step");
         assert!(coupled.steps() == 1 && (coupled.time() - 4e-3).abs() < 1e-16);
         report.agreement.expect("both")
     };
-    let (whole, parts) = (solved(false, 1e-7), solved(true, 1e-7));
+    let (whole, parts) = (solved(None, 1e-7), solved(Some(Cutting::default()), 1e-7));
     let complaint = whole.complaint().expect("no agreement");
     let [Some((first, _)), Some((second, _)), Some((third, _))] = whole.worst else { panic!("{complaint}") };
     assert!(first != second && second != third && third != first, "{complaint}");
-    for help in [format!("grain {first} (by"), "set coupling.iteration.auto = true".into()] {
+    for help in [format!("grain {first} (by"), "set coupling.cut = {}".into()] {
         assert!(complaint.contains(&help), "{complaint}");
     }
     assert!(parts.solves > 4 && parts.disagreement < whole.disagreement, "{parts:?} {whole:?}");
-    let complaint = solved(true, 1e-300).complaint().expect("never so near");
-    assert!(complaint.contains("cut as far as") && !complaint.contains("= true"), "{complaint}");
+    let complaint = solved(Some(Cutting::default()), 1e-300).complaint().expect("never so near");
+    assert!(complaint.contains("cut as far as") && !complaint.contains("= {}"), "{complaint}");
 }
 
 /// A grain that flies far in a step is pushed all the way as where it was. In parts it ends nearer to where short steps take it, and the
 /// force of the step, the mean over them, is what moved it.
 #[test]
 fn a_step_in_which_grains_fly_is_cut() {
-    let (time, whole) = (2e-2, Iteration::default());
-    let flown = |iteration: Iteration, count: u32| {
+    let time = 2e-2;
+    let flown = |scheme: SchemeName, cutting: Option<Cutting>, count: u32| {
         let inflow = "fluid.boundaries.inflow.flow.superficial_velocity=[0.0,2.7]";
         let mut simulation = bed_with(&["gravity=[0.0,0.0]", inflow]);
         let coupled = simulation.coupled_mut();
-        coupled.set_scheme(Box::new(Iterated::new(iteration)));
+        coupled.set_scheme(scheme.build(&Iteration::default(), cutting));
         let mut last = None;
         for _ in 0..count {
             last = coupled.step(time / f64::from(count)).expect("a step").agreement;
@@ -140,22 +140,24 @@ fn a_step_in_which_grains_fly_is_cut() {
         let gained: f64 = particles.mass.iter().zip(&particles.velocity).map(|(mass, v)| mass * v.y).sum();
         (particles.position.clone(), last.expect("both"), given / gained)
     };
-    let (exact, _, _) = flown(whole.clone(), 256);
-    let off = |places: &[Vector<2>]| {
-        let between = places.iter().zip(&exact).map(|(x, y)| (x - y).norm());
-        between.sum::<f64>() / exact.len() as f64
-    };
-    let (far, once, _) = flown(whole.clone(), 1);
-    assert!(once.parts == 1 && once.travel > 0.5, "{once:?} tests nothing");
-    let mut errors = vec![off(&far)];
-    for travel in [0.5, 0.125] {
-        let (places, cut, given) = flown(Iteration { auto: true, travel, ..whole.clone() }, 1);
-        assert!(cut.converged && cut.parts > 1 && cut.travel <= travel, "{cut:?}");
-        // The walls at the sides take a little.
-        assert!((given - 1.0).abs() < 0.02, "{given}");
-        errors.push(off(&places));
+    for scheme in [SchemeName::Iterated, SchemeName::Henry, SchemeName::Lagged] {
+        let (exact, _, _) = flown(scheme, None, 256);
+        let off = |places: &[Vector<2>]| {
+            let between = places.iter().zip(&exact).map(|(x, y)| (x - y).norm());
+            between.sum::<f64>() / exact.len() as f64
+        };
+        let (far, once, _) = flown(scheme, None, 1);
+        assert!(once.parts == 1 && once.travel > 0.5, "{scheme}: {once:?} tests nothing");
+        let mut errors = vec![off(&far)];
+        for travel in [0.5, 0.125] {
+            let (places, cut, given) = flown(scheme, Some(Cutting { travel }), 1);
+            assert!(cut.converged && cut.parts > 1 && cut.travel <= travel, "{scheme}: {cut:?}");
+            // The walls at the sides take a little.
+            assert!((given - 1.0).abs() < 0.02, "{scheme}: {given}");
+            errors.push(off(&places));
+        }
+        assert!(errors.windows(2).all(|pair| pair[1] < 0.8 * pair[0]), "{scheme}: {errors:?}");
     }
-    assert!(errors.windows(2).all(|pair| pair[1] < 0.8 * pair[0]), "{errors:?}");
 }
 
 fn step(coupled: &mut Coupled<2>, dt: f64) -> Vector<2> {
@@ -170,7 +172,7 @@ fn step(coupled: &mut Coupled<2>, dt: f64) -> Vector<2> {
 fn no_momentum_is_lost_over_time() {
     let mut simulation = bed();
     let coupled = simulation.coupled_mut();
-    coupled.set_scheme(SchemeName::Anchored.build(&Iteration::default()));
+    coupled.set_scheme(SchemeName::Anchored.build(&Iteration::default(), None));
     let (dt, mut lost, mut got, mut scale) = (2e-3, Vector::<2>::zeros(), Vector::<2>::zeros(), 0.0);
     let mut most = 0.0f64;
     for _ in 0..60 {
@@ -195,7 +197,7 @@ fn the_solid_is_where_the_equation_of_mass_had_it() {
         "fluid.boundaries.inflow.flow.superficial_velocity=[0.0,0.02]",
     ]);
     let coupled = simulation.coupled_mut();
-    coupled.set_scheme(SchemeName::Anchored.build(&Iteration::default()));
+    coupled.set_scheme(SchemeName::Anchored.build(&Iteration::default(), None));
     let (dt, count) = (2e-2, coupled.grains().expect("grains").particles.len());
     let (mut ahead, mut path, mut late) = (vec![Vector::<2>::zeros(); count], 0.0, 0.0);
     for step in 0..200 {
@@ -221,8 +223,8 @@ fn all_relaxations_lead_to_the_same_step() {
     let solved = |relaxation: Relaxation| {
         let mut simulation = bed();
         let coupled = simulation.coupled_mut();
-        let iteration = Iteration { tolerance: 1e-9, most: 100, relaxation, ..Iteration::default() };
-        coupled.set_scheme(Box::new(Iterated::new(iteration)));
+        let iteration = Iteration { tolerance: 1e-9, most: 100, relaxation };
+        coupled.set_scheme(SchemeName::Iterated.build(&iteration, None));
         let mut solves = 0;
         for _ in 0..5 {
             let agreement = coupled.step(1e-3).expect("a step").agreement.expect("both");

@@ -353,7 +353,7 @@ fn a_uniform_stream_stays_uniform_when_the_domain_is_remeshed() {
     fluid.remesher = Some(Remesher::new(&fluid.mesh, Remesh { every: 2, angle: 0.0 }));
     fluid.motion = Some(oscillation);
     let first = fluid.mesh.clone();
-    let scheme = SchemeName::Henry.build(&Iteration::default());
+    let scheme = SchemeName::Henry.build(&Iteration::default(), None);
     let mut flow = Coupled::new(System::Fluid(Box::new(fluid)), scheme);
     for step in 1..=6 {
         let report = flow.step(0.05).expect("a step");

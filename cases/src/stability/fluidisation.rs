@@ -3,7 +3,7 @@
 //!
 //! The drag law is that of the same grains held fast where they are, on the same mesh. A bed that was lifted comes to rest again,
 //! looser, and carries its weight only at a higher inflow; how loose depends on how far it was lifted at once. Hence the small
-//! changes of the inflow about fluidisation, and the time to come to rest after each. And hence [`Iteration::auto`]: in a step of one
+//! changes of the inflow about fluidisation, and the time to come to rest after each. And hence [`Cutting`]: in a step of one
 //! relaxation time in gas the fluid passes five diameters, and a grain is pushed all the way as where it was; not cut, such steps throw
 //! grains up that hover in shorter ones, and leave a looser bed.
 //!
@@ -23,6 +23,7 @@ use crate::models::Vec2;
 use crate::verify::Effort;
 use rayon::prelude::*;
 use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::cut::Cutting;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Error, Result};
 use voidage_dem::Particles;
@@ -119,7 +120,7 @@ fn curve(
     let up: Vec<f64> = up.into_iter().filter(|inflow| *inflow < 1.0 || moves).collect();
     let down = up.iter().rev().skip(1);
     let mut system = bed.system((&lying.particles, &lying.material), 0.0, scheme, (false, TOLERANCE))?;
-    system.set_scheme(scheme.build(&Iteration { auto: true, ..Iteration::default() }));
+    system.set_scheme(scheme.build(&Iteration::default(), Some(Cutting::default())));
     let (mut tally, mut worst, mut curves) = (Tally::default(), 1.0f64, vec![]);
     for (k, &inflow) in up.iter().chain(down).enumerate() {
         let speed = inflow * lying.fluidisation;

@@ -4,6 +4,7 @@ use super::{Backend, Coordinates};
 use crate::closure::{Drag, HeatTransfer, VoidageFunction};
 use crate::remesh::Remesh;
 use crate::scheme::SchemeName;
+use crate::scheme::cut::Cutting;
 use crate::scheme::iterated::Iteration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -289,6 +290,10 @@ pub struct Coupling {
     pub scheme: SchemeName,
     /// When and how the scheme `"iterated"` goes on. Default: the defaults of its keys.
     pub iteration: Iteration,
+    /// Steps in parts: a step in which a grain moves further than `travel`, or in which the scheme `"iterated"` does not reach its
+    /// tolerance, is done in halves, quarters and so on down to 1/64. `{}` takes the default of `travel`. Default: steps are whole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut: Option<Cutting>,
     /// Drag law: `"dallavalle"` (times the voidage function) or `"gidaspow"`. Default `"dallavalle"`.
     pub drag: Drag,
     /// Voidage function of drag and heat: `"henry"`, `"henry-interstitial"`, `"di-felice"`, `"migflow"` or `"none"`.
@@ -305,6 +310,7 @@ impl Default for Coupling {
         Coupling {
             scheme: SchemeName::default(),
             iteration: Iteration::default(),
+            cut: None,
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,
             heat: None,

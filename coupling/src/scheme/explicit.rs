@@ -3,17 +3,23 @@
 //! In a closed box, r = (rho_f/rho_p)(phi/eps) and K = beta dt/(eps phi rho_p), stable iff r < 1 and
 //! K < 2 eps (1 - r); of slip without constraint, stable iff B < 2 + A with A = beta dt/(eps rho_f), B = beta dt/(phi rho_p).
 
-use super::{Scheme, once};
-use crate::{Interaction, Mixture, StepReport, error::Result};
+use super::cut::{Part, Trial};
+use super::once;
+use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
 use voidage_dem::Dem;
 use voidage_fluid::Vector;
 
 /// The explicit scheme.
 pub struct Explicit;
 
-impl<const D: usize> Scheme<D> for Explicit {
-    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
-        once(mixture, dt, |grains, interaction| {
+impl<const D: usize> Trial<D> for Explicit {
+    fn solve(
+        &mut self,
+        mixture: &mut Mixture<D>,
+        Part { dt, .. }: Part,
+        report: &mut StepReport,
+    ) -> Result<Agreement> {
+        once(mixture, dt, report, |grains, interaction| {
             freeze(grains, &mut interaction.load.mobility, &mut interaction.load.velocity);
             freeze_heat(grains, interaction);
         })

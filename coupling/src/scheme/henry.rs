@@ -6,8 +6,9 @@
 //! held bed explicitly, by (1 + B - A B) / (1 + A + B): unstable when A (B - 1) > 2 (1 + B), which fine grains in a liquid
 //! reach. There A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), beta the drag per volume and slip.
 
-use super::{Scheme, once};
-use crate::{Interaction, Mixture, StepReport, error::Result};
+use super::cut::{Part, Trial};
+use super::once;
+use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
 use voidage_dem::Dem;
 use voidage_fluid::Vector;
 
@@ -17,9 +18,14 @@ pub struct Henry {
     pub contacts: bool,
 }
 
-impl<const D: usize> Scheme<D> for Henry {
-    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
-        once(mixture, dt, |grains, interaction| predict(grains, interaction, self.contacts, dt))
+impl<const D: usize> Trial<D> for Henry {
+    fn solve(
+        &mut self,
+        mixture: &mut Mixture<D>,
+        Part { dt, .. }: Part,
+        report: &mut StepReport,
+    ) -> Result<Agreement> {
+        once(mixture, dt, report, |grains, interaction| predict(grains, interaction, self.contacts, dt))
     }
 }
 

@@ -3,15 +3,21 @@
 //! In a closed box (1 + K) v' = (1 - r - K phi/eps) v + r v_old, stable iff r < 1 + K and 2 + K - 2 r - K phi/eps > 0: at small
 //! voidage no step is small enough. r = (rho_f/rho_p)(phi/eps), K = beta dt/(eps phi rho_p), beta the drag per volume and slip.
 
-use super::{Scheme, explicit, henry, once};
-use crate::{Mixture, StepReport, error::Result};
+use super::cut::{Part, Trial};
+use super::{explicit, henry, once};
+use crate::{Agreement, Mixture, StepReport, error::Result};
 
 /// The lagged scheme.
 pub struct Lagged;
 
-impl<const D: usize> Scheme<D> for Lagged {
-    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
-        once(mixture, dt, |grains, interaction| {
+impl<const D: usize> Trial<D> for Lagged {
+    fn solve(
+        &mut self,
+        mixture: &mut Mixture<D>,
+        Part { dt, .. }: Part,
+        report: &mut StepReport,
+    ) -> Result<Agreement> {
+        once(mixture, dt, report, |grains, interaction| {
             henry::predict(grains, interaction, false, dt);
             let flux = interaction.load.continuity.get_or_insert_default();
             explicit::freeze(grains, &mut flux.mobility, &mut flux.velocity);

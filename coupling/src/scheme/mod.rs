@@ -13,12 +13,15 @@
 //! | [`iterated`] | the same, again until grains and fluid agree | f and implicit drag |
 
 pub mod anchored;
+pub mod cut;
 pub mod explicit;
 pub mod henry;
 pub mod iterated;
 pub mod lagged;
 pub mod relaxation;
 
+use self::cut::{Cut, Cutting};
+use self::iterated::{Iterated, Iteration};
 use crate::agreement::{Agreement, Comparison};
 use crate::{Interaction, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
@@ -70,15 +73,19 @@ impl SchemeName {
         }
     }
 
-    /// The scheme of this name; `iteration` is for [`Self::Iterated`] only.
-    pub fn build<const D: usize>(self, iteration: &iterated::Iteration) -> Box<dyn Scheme<D>> {
+    /// The scheme of this name; `iteration` is for [`Self::Iterated`] only. Steps are done in parts by `cutting`, or whole.
+    pub fn build<const D: usize>(
+        self,
+        iteration: &Iteration,
+        cutting: Option<Cutting>,
+    ) -> Box<dyn Scheme<D>> {
         match self {
-            Self::Explicit => Box::new(explicit::Explicit),
-            Self::Henry => Box::new(henry::Henry { contacts: true }),
-            Self::HenryFree => Box::new(henry::Henry { contacts: false }),
-            Self::Lagged => Box::new(lagged::Lagged),
-            Self::Anchored => Box::new(iterated::Iterated::new(iterated::Iteration::ONCE)),
-            Self::Iterated => Box::new(iterated::Iterated::new(iteration.clone())),
+            Self::Explicit => Box::new(Cut::new(explicit::Explicit, cutting)),
+            Self::Henry => Box::new(Cut::new(henry::Henry { contacts: true }, cutting)),
+            Self::HenryFree => Box::new(Cut::new(henry::Henry { contacts: false }, cutting)),
+            Self::Lagged => Box::new(Cut::new(lagged::Lagged, cutting)),
+            Self::Anchored => Box::new(Cut::new(Iterated::new(Iteration::ONCE), cutting)),
+            Self::Iterated => Box::new(Cut::new(Iterated::new(iteration.clone()), cutting)),
         }
     }
 }
@@ -89,23 +96,21 @@ impl std::fmt::Display for SchemeName {
     }
 }
 
-/// A step that solves the fluid once, with the law that `predict` fills, and moves the grains by the force of the law.
+/// Solves the fluid once, with the law that `predict` fills, and moves the grains by the force of the law.
 fn once<const D: usize>(
     mixture: &mut Mixture<D>,
     dt: f64,
+    report: &mut StepReport,
     predict: impl FnOnce(&Dem<D>, &mut Interaction<D>),
-) -> Result<StepReport> {
-    let mut report = StepReport::default();
-    mixture.cut_grains(&mut report)?;
-    mixture.evaluate_closures(&mut report)?;
+) -> Result<Agreement> {
+    mixture.cut_grains(report)?;
+    mixture.evaluate_closures(report)?;
     // A scheme before this one may have left a law of its own for the solid flux.
     mixture.interaction.load.continuity = None;
     predict(&mixture.grains, &mut mixture.interaction);
-    mixture.solve_fluid(dt, &mut report)?;
-    mixture.move_grains(dt, &mut report);
-    report.agreement = Some(agreement(mixture, dt));
-    mixture.accept(dt, &mut report)?;
-    Ok(report)
+    mixture.solve_fluid(dt, report)?;
+    mixture.move_grains(dt, report);
+    Ok(agreement(mixture, dt))
 }
 
 /// How far grains that moved by the force of the law are from it.

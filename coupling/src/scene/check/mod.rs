@@ -57,16 +57,6 @@ pub(super) fn structure(scene: &Scene) -> Checked {
 fn iteration(scene: &Scene, iteration: &Iteration) -> Checked {
     positive(scene, "coupling.iteration.tolerance", iteration.tolerance)?;
     positive(scene, "coupling.iteration.most", iteration.most as f64)?;
-    positive(scene, "coupling.iteration.travel", iteration.travel)?;
-    if !iteration.auto && iteration.travel != Iteration::default().travel {
-        let message = format!("`coupling.iteration.travel = {}`, but no step may be cut", iteration.travel);
-        return fail(
-            scene,
-            "coupling.iteration.travel",
-            message,
-            "set `coupling.iteration.auto = true`, or take `travel` away",
-        );
-    }
     match iteration.relaxation {
         Relaxation::Constant(omega) if !(omega > 0.0 && omega <= 1.0) => {
             let message = format!("`coupling.iteration.relaxation.constant` is {omega}");
@@ -89,6 +79,7 @@ pub(super) fn values(scene: &Scene) -> Checked {
     }
     if let Some(coupling) = &scene.coupling {
         iteration(scene, &coupling.iteration)?;
+        coupling.cut.map_or(Ok(()), |cut| positive(scene, "coupling.cut.travel", cut.travel))?;
     }
     grains::check(scene)?;
     if scene.coupling.as_ref().is_some_and(|coupling| coupling.heat.is_some()) {

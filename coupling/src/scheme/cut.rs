@@ -1,0 +1,133 @@
+//! Steps in parts, around any scheme.
+//!
+//! A step in which a grain moves far, or that ends in disagreement of grains and fluid, is put back and done in halves, these in halves of
+//! their own, until a part is good, which is accepted. The next part is twice as long again where that is not known to be too far and
+//! the whole step stays a multiple of it. The mesh moves with the parts. Forces and heat of the step are the means over its parts.
+
+use super::Scheme;
+use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use voidage_dem::Vector;
+
+/// When to do a step in parts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Cutting {
+    /// How far a grain may move in a part of a step, in its diameters: the fluid pushes it all the way as where it was at the start.
+    /// Above 0. Default 0.25.
+    pub travel: f64,
+}
+
+impl Default for Cutting {
+    fn default() -> Self {
+        Self { travel: 0.25 }
+    }
+}
+
+/// How often a step may be halved.
+const HALVINGS: u32 = 6;
+
+/// A part of a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// What grains and fluid move by, s.
+    pub dt: f64,
+    /// The step that this is a part of, s.
+    pub whole: f64,
+}
+
+/// A scheme whose answer can be judged before it is accepted.
+pub trait Trial<const D: usize>: Send {
+    /// Solves fluid and grains for a part of a step. The grains stand at its end, and the fluid is not accepted.
+    ///
+    /// # Errors
+    /// The fluid solver failed or a grain left the mesh.
+    fn solve(&mut self, mixture: &mut Mixture<D>, part: Part, report: &mut StepReport) -> Result<Agreement>;
+
+    /// Books what the grains got from an answer that is about to be accepted.
+    fn settle(&mut self, _: &mut Mixture<D>, _: Part, agreement: Agreement) -> Agreement {
+        agreement
+    }
+}
+
+/// A scheme, with steps in parts where that is asked for.
+pub struct Cut<T> {
+    scheme: T,
+    cutting: Option<Cutting>,
+}
+
+/// Force of the fluid on each grain, N, and heat, W, over a step that is done in parts.
+#[derive(Default)]
+struct Mean<const D: usize> {
+    force: Vec<Vector<D>>,
+    heat: Vec<f64>,
+}
+
+impl<const D: usize> Mean<D> {
+    /// Adds a part that is a `share` of the step.
+    fn add(&mut self, part: &Interaction<D>, share: f64) {
+        self.force.resize(part.force.len(), Vector::zeros());
+        self.heat.resize(part.heat.len(), 0.0);
+        self.force.iter_mut().zip(&part.force).for_each(|(sum, force)| *sum += force * share);
+        self.heat.iter_mut().zip(&part.heat).for_each(|(sum, heat)| *sum += heat * share);
+    }
+}
+
+impl<T> Cut<T> {
+    /// A scheme that does steps in parts by `cutting`, or whole.
+    pub fn new(scheme: T, cutting: Option<Cutting>) -> Self {
+        Self { scheme, cutting }
+    }
+}
+
+impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
+    fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
+        let mut report = StepReport::default();
+        // Counted in parts of the shortest length that there may be.
+        let (most, travel) =
+            self.cutting.map_or((1, f64::INFINITY), |cutting| (1 << HALVINGS, cutting.travel));
+        let (mut done, mut length, mut spent) = (0, most, 0);
+        let (mut sum, mut mean, mut grains) = (None::<Agreement>, Mean::default(), None);
+        while done < most {
+            let part = Part { dt: dt * f64::from(length) / f64::from(most), whole: dt };
+            if length < most {
+                mixture.move_mesh(|motion, time, points| motion.advance(time, part.dt, points));
+            }
+            let accepted = (length > 1).then(|| {
+                mixture.grains.save();
+                mixture.interaction.at.clone()
+            });
+            let agreement = self.scheme.solve(mixture, part, &mut report)?;
+            let near = agreement.travel <= travel;
+            if let (false, Some(accepted)) = (agreement.converged && near, accepted) {
+                mixture.grains.rewind();
+                // The halves start from the last accepted fluid, not from an answer that was none.
+                mixture.interaction.at = accepted;
+                spent += agreement.solves;
+                length /= 2;
+                continue;
+            }
+            let agreement = self.scheme.settle(mixture, part, agreement);
+            if length < most {
+                mean.add(&mixture.interaction, f64::from(length) / f64::from(most));
+            }
+            sum = Some(agreement.after(sum.as_ref(), std::mem::take(&mut spent)));
+            // Parts that were not accepted do not count.
+            grains = report.grains.map(|now| now.after(grains.as_ref()));
+            mixture.accept_part(part.dt, &mut report)?;
+            done += length;
+            // As long again as the parts that are left allow, unless that is known to be too far.
+            let mut next = 2.0 * agreement.travel;
+            while length < most && done % (2 * length) == 0 && next <= travel {
+                (length, next) = (2 * length, 2.0 * next);
+            }
+        }
+        if !mean.force.is_empty() {
+            (mixture.interaction.force, mixture.interaction.heat) = (mean.force, mean.heat);
+        }
+        (report.agreement, report.grains) = (sum, grains);
+        mixture.end_step();
+        Ok(report)
+    }
+}
