@@ -2,8 +2,8 @@
 
 use std::path::Path;
 use voidage_coupling::Result;
-use voidage_coupling::scene::{Amount, MeshSource, Placement, Scene};
 use voidage_fluid::Mesh;
+use voidage_scene::{Amount, MeshSource, Placement, Scene};
 
 /// Checks a scene and prints its parts.
 pub fn check(file: &Path, sets: &[String]) -> Result<u8> {

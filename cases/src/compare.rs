@@ -11,11 +11,12 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
 use tracing::{info, warn};
-use voidage_coupling::compare::{Difference, Finding};
-use voidage_coupling::launch::Host;
-use voidage_coupling::recorder::create_folder;
-use voidage_coupling::scene::Scene;
-use voidage_coupling::{Error, Result, Simulation, StepReport, build, compare};
+use voidage_coupling::{Error, Result, StepReport};
+use voidage_remote::launch::Host;
+use voidage_scene::Scene;
+use voidage_scene::compare::{Difference, Finding};
+use voidage_scene::recorder::create_folder;
+use voidage_scene::{Simulation, build, compare};
 
 /// Steps that are compared when none are given, as far as the scene has them.
 const MOMENTS: [u64; 4] = [1, 10, 100, 300];

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::Stdio;
 use voidage_coupling::Result;
-use voidage_coupling::launch::{SYSTEM_PYTHON, interpreter, python};
-use voidage_coupling::recorder::write_whole;
-use voidage_coupling::transport::shared::free_bytes;
+use voidage_remote::launch::{SYSTEM_PYTHON, interpreter, python};
+use voidage_remote::transport::shared::free_bytes;
+use voidage_scene::recorder::write_whole;
 
 const MEBIBYTE: f64 = (1 << 20) as f64;
 /// Shared memory for some hundred thousand grains, bytes.

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use voidage::{check, compare, doctor, plot, progress, report, run, stability, study, verify};
-use voidage_coupling::scene::{Scene, json_schema};
-use voidage_coupling::transport::Address;
 use voidage_coupling::{Error, Result};
+use voidage_remote::transport::Address;
+use voidage_scene::{Scene, json_schema};
 
 /// Discrete grains in a finite element fluid.
 #[derive(Parser)]
@@ -135,7 +135,7 @@ fn perform(command: Command) -> Result<u8> {
         Command::Serve { connect, wait } => {
             let wait = Duration::try_from_secs_f64(wait)
                 .map_err(|error| Error::Input(format!("--wait {wait}: {error}")))?;
-            voidage_coupling::serve::serve(&connect, wait)?;
+            voidage_remote::serve::serve(&connect, wait)?;
             Ok(0)
         }
         Command::Doctor => doctor::doctor(),

@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tracing::{info, warn};
-use voidage_coupling::placing::{Bed, Placing};
 use voidage_dem::packing;
+use voidage_scene::placing::{Bed, Placing};
 
 /// Shows how far the grains are, ends when interrupted, and keeps beds in the folder of the run.
 pub fn watched<'a>(folder: &Path, interrupted: &'a AtomicBool, quiet: bool) -> Placing<'a> {

@@ -4,7 +4,7 @@ use miette::{Diagnostic, LabeledSpan, MietteHandlerOpts, NamedSource, Report, So
 use std::fmt;
 use std::io::IsTerminal;
 use voidage_coupling::Error;
-use voidage_coupling::scene::{Place, SceneError};
+use voidage_scene::{Place, SceneError};
 
 /// Prints an error to stderr.
 pub fn print(error: &Error) {

@@ -11,12 +11,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use tracing::{info, warn};
-use voidage_coupling::launch::Host;
-use voidage_coupling::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
-use voidage_coupling::scene::{Scene, Solver};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Error, Result, Simulation};
+use voidage_coupling::{Error, Result};
 use voidage_dem::Rounded;
+use voidage_remote::launch::Host;
+use voidage_scene::Simulation;
+use voidage_scene::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
+use voidage_scene::{Scene, Solver};
 
 /// Options of `voidage run`.
 #[derive(Args)]

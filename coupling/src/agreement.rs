@@ -20,7 +20,7 @@ pub struct Carried<const D: usize> {
 
 impl<const D: usize> Carried<D> {
     /// Nothing, as yet.
-    pub(crate) fn none(grains: usize, heat: bool) -> Self {
+    pub fn none(grains: usize, heat: bool) -> Self {
         let none = vec![Vector::zeros(); grains];
         Self {
             impulse: none.clone(),

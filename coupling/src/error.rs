@@ -1,8 +1,8 @@
 //! What can go wrong between a scene file and the last frame of its run.
 
-use crate::scene::SceneError;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::{fmt, io, ops::Range};
 
 /// Errors of the coupling. Non-convergence is part of a result and not an error.
 #[derive(Debug, thiserror::Error)]
@@ -87,5 +87,52 @@ impl Error {
 impl From<Box<SceneError>> for Error {
     fn from(error: Box<SceneError>) -> Self {
         Error::Scene(error)
+    }
+}
+
+/// The place of an error.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// In the file.
+    File {
+        /// Bytes of the text, for underlining.
+        span: Range<usize>,
+        /// Line, from 1.
+        line: usize,
+        /// Column in characters, from 1.
+        column: usize,
+    },
+    /// In an option `--set`, as typed.
+    Set(String),
+}
+
+/// What is wrong in a scene, where, and what to do.
+#[derive(Clone, Debug)]
+pub struct SceneError {
+    /// The file of the scene.
+    pub file: PathBuf,
+    /// Its text.
+    pub text: Arc<str>,
+    /// Where.
+    pub place: Place,
+    /// What is wrong: names the key and the value.
+    pub message: String,
+    /// What is allowed.
+    pub help: String,
+}
+
+impl std::error::Error for SceneError {}
+
+impl fmt::Display for SceneError {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match &self.place {
+            Place::File { line, column, .. } => write!(f, "{}:{line}:{column}: ", self.file.display())?,
+            Place::Set(option) => write!(f, "{}: --set {option}: ", self.file.display())?,
+        }
+        f.write_str(&self.message)?;
+        if !self.help.is_empty() {
+            write!(f, "\n  help: {}", self.help)?;
+        }
+        Ok(())
     }
 }

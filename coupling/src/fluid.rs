@@ -47,7 +47,7 @@ pub struct Fluid<const D: usize> {
     /// Which mesh the solver has.
     generation: u32,
     /// Whether the nodes have left the places that they had when the solver got them.
-    pub(crate) moved: bool,
+    pub moved: bool,
 }
 
 impl<const D: usize> Fluid<D> {

@@ -52,7 +52,8 @@ pub struct Interaction<const D: usize> {
     pub departed: u64,
     /// Force (N) and heat (W) that the fluid lost at the points in the last solution.
     pub lost: (Vector<D>, f64),
-    pub(crate) overlap: Overlap<D>,
+    /// Cuts grains by the cells of the mesh.
+    pub overlap: Overlap<D>,
 }
 
 impl<const D: usize> Default for Interaction<D> {

@@ -62,7 +62,7 @@ impl<const D: usize> Mixture<D> {
     }
 
     /// Keeps the grains of these numbers, which are in order, at a restart.
-    pub(crate) fn keep(&mut self, ids: &[u32]) {
+    pub fn keep(&mut self, ids: &[u32]) {
         let kept = self.grains.particles.id.iter().map(|id| ids.binary_search(id).is_ok());
         let kept: Vec<bool> = kept.collect();
         self.retain(&kept);

@@ -7,34 +7,21 @@
 
 mod agreement;
 pub mod backend;
-pub mod build;
 pub mod closure;
-pub mod compare;
 pub mod error;
 pub mod exchange;
 pub mod fluid;
 pub mod interaction;
-pub mod launch;
 mod leaving;
 pub mod load;
 pub mod mixture;
 pub mod model;
 pub mod motion;
 pub mod overlap;
-pub mod peer;
-pub mod placing;
-pub mod protocol;
-pub mod recorder;
 pub mod remesh;
-pub mod remote;
 pub mod report;
-pub mod scene;
 pub mod scheme;
-pub mod serve;
-pub mod simulation;
 pub mod step;
-pub mod totals;
-pub mod transport;
 
 pub use agreement::{Agreement, Carried};
 pub use error::{Error, PeerError, Result};
@@ -42,8 +29,6 @@ pub use fluid::{Clock, Fluid};
 pub use interaction::{Interaction, Laws};
 pub use mixture::Mixture;
 pub use report::{Phases, StepReport};
-pub use scene::Scene;
-pub use simulation::Simulation;
 pub use step::{Coupled, System};
 
 /// Place of the temperature among the scalars of a fluid with heat.

@@ -90,7 +90,7 @@ impl<const D: usize> Fluid<D> {
     }
 
     /// The mesh, if the domain has been remeshed.
-    pub(crate) fn remesh_state(&self) -> Option<RemeshState<D>> {
+    pub fn remesh_state(&self) -> Option<RemeshState<D>> {
         let Remesher { spacing, last, .. } = self.remesher.as_ref().filter(|remesher| remesher.last > 0)?;
         let (mesh, motion) = (self.mesh.clone(), self.motion.clone());
         Some(RemeshState { mesh, motion, spacing: spacing.clone(), last: *last })
@@ -133,7 +133,7 @@ impl<const D: usize> Coupled<D> {
     ///
     /// # Errors
     /// A mesh that cannot be searched.
-    pub(crate) fn take_remeshed(&mut self, state: RemeshState<D>) -> Result<()> {
+    pub fn take_remeshed(&mut self, state: RemeshState<D>) -> Result<()> {
         if let Some(fluid) = self.fluid_mut() {
             fluid.take_remeshed(state);
         }

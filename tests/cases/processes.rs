@@ -6,16 +6,17 @@ use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
+use voidage_coupling::HEAT;
 use voidage_coupling::backend::{FluidStep, Immersed, Solution};
 use voidage_coupling::exchange::{OnMesh, Rigid};
-use voidage_coupling::launch::Host;
 use voidage_coupling::load::{GrainLoad, HeatLoad};
 use voidage_coupling::overlap::{self, Overlap};
-use voidage_coupling::protocol::{Header, Kind};
-use voidage_coupling::transport::{self, Address};
-use voidage_coupling::{HEAT, Scene, build};
 use voidage_fluid::Vector;
 use voidage_fluid::points::Points;
+use voidage_remote::launch::Host;
+use voidage_remote::protocol::{Header, Kind};
+use voidage_remote::transport::{self, Address};
+use voidage_scene::{Scene, build};
 
 const BED: &str = include_str!("bed.toml");
 /// A run that only ends by force.

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use voidage_coupling::{Scene, Simulation};
+use voidage_scene::{Scene, Simulation};
 
 /// All files `scene*.toml` in the cases, and the scenes of the tests in Python.
 fn scenes() -> Vec<PathBuf> {
@@ -31,7 +31,7 @@ fn every_scene_of_the_repository_runs_for_some_steps() {
         let mut scene = Scene::read(&path, &[]).unwrap_or_else(|error| panic!("{error}"));
         // As built: bringing beds to rest takes longer than all the steps here.
         for group in &mut scene.grains {
-            if let voidage_coupling::scene::Placement::Deposit(deposit) = &mut group.placement {
+            if let voidage_scene::Placement::Deposit(deposit) = &mut group.placement {
                 deposit.settle = false;
             }
         }

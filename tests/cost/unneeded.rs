@@ -4,14 +4,15 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use voidage_coupling::Result;
 use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
-use voidage_coupling::protocol::StepMessage;
 use voidage_coupling::remesh::Remesh;
-use voidage_coupling::scene::{Cohesion, Conduction, Coordinates, MeshMotion, ThinCell};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Result, Scene, Simulation};
 use voidage_fluid::flow::State;
 use voidage_fluid::mesh::Mesh;
+use voidage_remote::protocol::StepMessage;
+use voidage_scene::{Cohesion, Conduction, Coordinates, MeshMotion, ThinCell};
+use voidage_scene::{Scene, Simulation};
 
 struct Counting;
 
@@ -242,15 +243,15 @@ const PARTS: &[Part] = &[
 
 const NOTHING: Added = Added { wire: [0; 2], memory: [0; 2], energy: false, exchange: false };
 
-fn contacts(scene: &mut Scene) -> &mut voidage_coupling::scene::Contacts {
+fn contacts(scene: &mut Scene) -> &mut voidage_scene::Contacts {
     scene.contacts.get_or_insert_default()
 }
 
-fn fluid(scene: &mut Scene) -> &mut voidage_coupling::scene::Fluid {
+fn fluid(scene: &mut Scene) -> &mut voidage_scene::Fluid {
     scene.fluid.as_mut().expect("a fluid")
 }
 
-fn coupling(scene: &mut Scene) -> &mut voidage_coupling::scene::Coupling {
+fn coupling(scene: &mut Scene) -> &mut voidage_scene::Coupling {
     scene.coupling.as_mut().expect("a coupling")
 }
 

@@ -1,7 +1,7 @@
 //! The same bits for any number of threads.
 
 use std::path::Path;
-use voidage_coupling::{Scene, Simulation};
+use voidage_scene::{Scene, Simulation};
 
 /// Everything that the quick bed holds after some steps, as bits.
 fn bits(threads: usize, scheme: &str) -> Vec<u64> {

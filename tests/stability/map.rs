@@ -3,11 +3,12 @@
 use std::path::Path;
 use voidage::stability::{Axis, Verdict, axes, sample};
 use voidage::verify::Effort;
+use voidage_coupling::Coupled;
 use voidage_coupling::scheme::cut::Cutting;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::{SchemeName, relaxation::Relaxation};
-use voidage_coupling::{Coupled, Scene, Simulation};
 use voidage_fluid::Vector;
+use voidage_scene::{Scene, Simulation};
 
 fn misses(axis: &Axis, scheme: SchemeName) -> Vec<String> {
     let mut misses = Vec::new();

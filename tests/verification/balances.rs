@@ -2,9 +2,10 @@
 
 use std::path::Path;
 use voidage::models::Vec2;
-use voidage_coupling::{Coupled, HEAT, Scene, Simulation};
+use voidage_coupling::{Coupled, HEAT};
 use voidage_fluid::element::{Element, weighted_load, weighted_mass};
 use voidage_fluid::flow::State;
+use voidage_scene::{Scene, Simulation};
 
 /// A scene of the repository with equations that are solved to rounding.
 fn simulation(path: &str, sets: &[&str]) -> (Scene, Simulation) {

@@ -1,8 +1,8 @@
 //! Grains that leave the mesh: through an open boundary they leave the run, through a wall that is an error.
 
 use std::path::Path;
-use voidage_coupling::recorder::{Averages, Checkpoint, Stamp};
-use voidage_coupling::{Scene, Simulation};
+use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
+use voidage_scene::{Scene, Simulation};
 
 /// Grains in a box without walls for them, all of one velocity, m/s. The top is open.
 fn scene(scheme: &str, velocity: [f64; 2]) -> Scene {

@@ -11,13 +11,14 @@ use voidage_coupling::overlap::{self, Overlap};
 use voidage_coupling::remesh::{Remesh, Remesher};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
-use voidage_coupling::{Coupled, HEAT, Scene, Simulation, System, TEMPERATURE};
+use voidage_coupling::{Coupled, HEAT, System, TEMPERATURE};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::State;
 use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
 use voidage_fluid::points::Points;
 use voidage_fluid::transport::Scalar;
 use voidage_fluid::{Mesh, MeshMotion};
+use voidage_scene::{Scene, Simulation};
 
 fn grid(size: [f64; 2], squares: [usize; 2]) -> Mesh<2> {
     models::grid(size, squares).expect("a valid rectangle")
@@ -372,7 +373,7 @@ fn a_moving_mesh_is_where_it_was_after_a_restart() {
 }
 
 fn is_where_it_was_after_a_restart(scene: &Scene) {
-    use voidage_coupling::recorder::{Averages, Checkpoint, Stamp};
+    use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("checkpoint");
     let mut straight = Simulation::new(scene).expect("a valid scene");

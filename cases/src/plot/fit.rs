@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 use std::path::Path;
-use voidage_coupling::recorder::write_whole;
 use voidage_coupling::{Error, Result};
+use voidage_scene::recorder::write_whole;
 
 /// `limit + amplitude exp(-t / time_constant)`.
 #[derive(Clone, Copy, Debug, Serialize)]

@@ -12,10 +12,10 @@ mod table;
 use std::path::{Path, PathBuf};
 use table::Table;
 use tracing::info;
-use voidage_coupling::compare::Finding;
-use voidage_coupling::recorder::{Summary, read_collection};
-use voidage_coupling::scene::Scene;
 use voidage_coupling::{Error, Result};
+use voidage_scene::Scene;
+use voidage_scene::compare::Finding;
+use voidage_scene::recorder::{Summary, read_collection};
 
 /// Draws all pictures that the files in a folder allow.
 pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
@@ -87,7 +87,7 @@ fn temperature(folder: &Path, scene: &Scene, series: &Table) -> Result<Option<Pa
 
 /// The one temperature that fluid enters with and walls have; none if they differ.
 fn outer_temperature(scene: &Scene) -> Option<f64> {
-    use voidage_coupling::scene::HeatBoundary;
+    use voidage_scene::HeatBoundary;
     let fluid = scene.fluid.as_ref()?;
     let walls = fluid.thin_cell.iter().filter_map(|cell| cell.heat.as_ref()).map(|heat| heat.temperature);
     let boundaries = fluid.boundaries.iter().filter_map(|boundary| match boundary.heat.as_ref()? {

@@ -5,9 +5,9 @@ use colorous::Gradient;
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
 use voidage_coupling::Result;
-use voidage_coupling::build::wall as wall_at;
-use voidage_coupling::recorder::read_frame;
-use voidage_coupling::scene::Scene;
+use voidage_scene::Scene;
+use voidage_scene::build::wall as wall_at;
+use voidage_scene::recorder::read_frame;
 
 /// What colours mean.
 pub struct Scale {
@@ -140,14 +140,14 @@ fn leave_out_empty(bounds: &mut [f64; 4], grains: &[[f64; 3]]) {
 }
 
 /// What grains are coloured by: temperature, or speed without one.
-fn grain_colours(grains: &voidage_coupling::recorder::Frame) -> (&'static str, Vec<f64>) {
+fn grain_colours(grains: &voidage_scene::recorder::Frame) -> (&'static str, Vec<f64>) {
     match grains.column("temperature_K") {
         Some(temperature) => ("grain temperature (K)", temperature.to_vec()),
         None => ("grain speed (m/s)", speeds(grains)),
     }
 }
 
-fn speeds(frame: &voidage_coupling::recorder::Frame) -> Vec<f64> {
+fn speeds(frame: &voidage_scene::recorder::Frame) -> Vec<f64> {
     let velocity = frame.column("velocity_m_per_s").unwrap_or(&[]);
     velocity.as_chunks::<3>().0.iter().map(|[u, v, w]| (u * u + v * v + w * w).sqrt()).collect()
 }

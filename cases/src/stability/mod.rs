@@ -28,9 +28,9 @@ use record::{Record, Row};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use tracing::warn;
-use voidage_coupling::recorder::create_folder;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Result};
+use voidage_scene::recorder::create_folder;
 
 /// Options of `voidage stability`.
 #[derive(Args)]

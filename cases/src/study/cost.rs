@@ -1,6 +1,6 @@
 //! What a run is estimated to cost, so that cheap ones come first. Only the order counts; the unit is the work on one grain.
 
-use voidage_coupling::scene::{Amount, Coordinates, Fluid, Grains, MeshSource, Placement, Scene, Solver};
+use voidage_scene::{Amount, Coordinates, Fluid, Grains, MeshSource, Placement, Scene, Solver};
 
 /// Work on a node of the Rust solver, measured on the bubbling bed: 12,000 nodes take as long as 300,000 grains.
 const NODE: f64 = 25.0;

@@ -5,10 +5,10 @@ use crate::models::Vec2;
 use crate::verify::norms::errors;
 use std::collections::HashSet;
 use std::path::Path;
-use voidage_coupling::recorder::{Frame, read_frame};
 use voidage_coupling::{Error, Result};
 use voidage_fluid::Mesh;
 use voidage_fluid::mesh::{Boundary, Locator};
+use voidage_scene::recorder::{Frame, read_frame};
 
 /// A nodal field on its mesh: a number, or a vector of the plane.
 struct Field {
@@ -80,7 +80,7 @@ pub fn distance(file: &Path, reference: &Path, name: FieldName) -> Result<(f64, 
 mod tests {
     use super::*;
     use crate::models::grid;
-    use voidage_coupling::recorder::{Column, write_mesh};
+    use voidage_scene::recorder::{Column, write_mesh};
 
     /// T = x + 2 y on one mesh and x + 2 y + 3 on another: apart by 3 over the unit square.
     #[test]

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
-use voidage_coupling::scene::Origin;
-use voidage_coupling::scene::document::{self, Document};
 use voidage_coupling::{Error, Result};
+use voidage_scene::Origin;
+use voidage_scene::document::{self, Document};
 
 /// A tree of keys, as the schema shows it.
 type Keys = BTreeMap<String, serde_json::Value>;

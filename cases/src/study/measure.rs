@@ -14,9 +14,10 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use toml::Value;
-use voidage_coupling::recorder::{Summary, View, create_folder, readings};
-use voidage_coupling::scene::{Output, Scene};
-use voidage_coupling::{Error, Result, Simulation, TEMPERATURE};
+use voidage_coupling::{Error, Result, TEMPERATURE};
+use voidage_scene::Simulation;
+use voidage_scene::recorder::{Summary, View, create_folder, readings};
+use voidage_scene::{Output, Scene};
 
 /// What is to be run, and where files go.
 #[derive(Debug, Serialize, Deserialize)]

@@ -30,8 +30,8 @@ use record::{Record, Row};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use tracing::warn;
-use voidage_coupling::recorder::create_folder;
 use voidage_coupling::{Error, Result};
+use voidage_scene::recorder::create_folder;
 
 /// Options of `voidage study`. Threads are those of each run, 1 unless the study says otherwise.
 #[derive(Args)]

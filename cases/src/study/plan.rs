@@ -6,8 +6,8 @@ use super::problems;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use toml::{Table, Value};
-use voidage_coupling::scene::{Place, Scene};
 use voidage_coupling::{Error, Result};
+use voidage_scene::{Place, Scene};
 
 /// Keys with their values.
 pub type Settings = BTreeMap<String, Value>;
@@ -202,7 +202,7 @@ fn run(study: &Study, choice: Choice) -> Result<Run> {
     }
     let (cost, case) = match (&study.case, study.scene()) {
         (Case::Problem(name), _) => {
-            let fault = |fault: voidage_coupling::scene::document::Fault| {
+            let fault = |fault: voidage_scene::document::Fault| {
                 study.error(&place(study, &choice, &fault.path), fault.message, fault.help)
             };
             let problem = problems::build(*name, settings).map_err(fault)?;

@@ -13,12 +13,12 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 use std::time::Instant;
-use voidage_coupling::launch::{SYSTEM_PYTHON, interpreter, python};
-use voidage_coupling::scene::Solver;
-use voidage_coupling::scene::document::{Document, Fault, fill};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Result};
 use voidage_dem::{Acceleration, Load, Settings as Contacts};
+use voidage_remote::launch::{SYSTEM_PYTHON, interpreter, python};
+use voidage_scene::Solver;
+use voidage_scene::document::{Document, Fault, fill};
 
 /// The problems by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

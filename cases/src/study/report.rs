@@ -8,8 +8,8 @@ use crate::plot::panels::{self, Curve, Panel};
 use crate::progress::duration;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use voidage_coupling::recorder::write_whole;
 use voidage_coupling::{Error, Result};
+use voidage_scene::recorder::write_whole;
 
 /// Writes `results.csv` and draws `NAME.png` and `NAME-phases.png`; their paths.
 ///

@@ -22,8 +22,8 @@ use record::Record;
 use std::collections::BTreeMap;
 use std::time::Instant;
 use tracing::warn;
-use voidage_coupling::recorder::create_folder;
 use voidage_coupling::{Error, Result};
+use voidage_scene::recorder::create_folder;
 
 /// Options of `voidage verify`.
 #[derive(Args)]

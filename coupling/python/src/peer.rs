@@ -13,12 +13,12 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use voidage_coupling::PeerError;
 use voidage_coupling::backend::Solution;
-use voidage_coupling::protocol::{
+use voidage_fluid::MeshMotion;
+use voidage_remote::protocol::{
     Kind, MotionPlaces, POINT_SCALAR, POINTS, Place, Setup, SolutionMessage, dimension, read_mesh,
     read_state, read_step,
 };
-use voidage_coupling::transport::{self, Address, LOOK};
-use voidage_fluid::MeshMotion;
+use voidage_remote::transport::{self, Address, LOOK};
 
 fn exception(error: PeerError) -> PyErr {
     PyRuntimeError::new_err(match error {
@@ -37,7 +37,7 @@ fn seconds(value: f64, name: &str) -> PyResult<Duration> {
 #[pyclass(module = "voidage")]
 pub struct Peer {
     /// Never contended: it makes of what may be sent to another thread something that may be shared.
-    inner: Mutex<voidage_coupling::peer::Peer>,
+    inner: Mutex<voidage_remote::peer::Peer>,
     setup: String,
     expected: Expected,
     cells: usize,
@@ -56,7 +56,7 @@ impl Peer {
         let (sender, receiver) = channel();
         // In a thread of its own, so that signals are seen meanwhile; one that is left behind ends with its wait.
         std::thread::spawn(move || {
-            let connected = voidage_coupling::peer::Peer::connect(&address, &solver, wait);
+            let connected = voidage_remote::peer::Peer::connect(&address, &solver, wait);
             // After an interrupt nobody waits for it any more.
             let _ = sender.send(connected.map(|(peer, setup)| (Mutex::new(peer), setup)));
         });
@@ -143,7 +143,7 @@ impl Peer {
 }
 
 impl Peer {
-    fn inner(&mut self) -> &mut voidage_coupling::peer::Peer {
+    fn inner(&mut self) -> &mut voidage_remote::peer::Peer {
         self.inner.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 

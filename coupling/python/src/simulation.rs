@@ -11,10 +11,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use voidage_coupling::launch::Host;
-use voidage_coupling::recorder::{Averages, Checkpoint, Stamp};
-use voidage_coupling::scene::{Scene, Solver, Time};
 use voidage_coupling::{Coupled, StepReport};
+use voidage_remote::launch::Host;
+use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
+use voidage_scene::{Scene, Solver, Time};
 
 /// A scene in motion.
 ///
@@ -28,7 +28,7 @@ use voidage_coupling::{Coupled, StepReport};
 #[pyclass(module = "voidage")]
 pub struct Simulation {
     /// Never contended: it makes of what may be sent to another thread something that may be shared.
-    inner: Mutex<voidage_coupling::Simulation>,
+    inner: Mutex<voidage_scene::Simulation>,
     scene: Scene,
     last: StepReport,
     raised: Raised,
@@ -164,7 +164,7 @@ impl Simulation {
 }
 
 impl Simulation {
-    fn inner(&mut self) -> &mut voidage_coupling::Simulation {
+    fn inner(&mut self) -> &mut voidage_scene::Simulation {
         self.inner.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -221,7 +221,7 @@ fn settings(set: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
 
 /// The solver of an object, in the place of that of the scene.
 fn python_fluid(scene: &mut Scene, object: &Bound<'_, PyAny>, raised: &Raised) -> PyResult<PythonFluid> {
-    let Some(setup) = voidage_coupling::build::setup(scene) else {
+    let Some(setup) = voidage_scene::build::setup(scene) else {
         return Err(PyValueError::new_err("`fluid` is given, but the scene has no fluid"));
     };
     scene.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
@@ -234,10 +234,10 @@ fn build(
     scheme: Option<PythonScheme>,
     restart: Option<&Path>,
     log: Option<PathBuf>,
-) -> voidage_coupling::Result<voidage_coupling::Simulation> {
+) -> voidage_coupling::Result<voidage_scene::Simulation> {
     let host = Host::default();
     let host = Host { log: log.unwrap_or(host.log), ..host };
-    let mut simulation = voidage_coupling::Simulation::hosted(scene, &host)?;
+    let mut simulation = voidage_scene::Simulation::hosted(scene, &host)?;
     let coupled = simulation.coupled_mut();
     if let Some(scheme) = scheme {
         coupled.set_scheme(Box::new(scheme));

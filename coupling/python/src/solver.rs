@@ -8,13 +8,13 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
 use voidage_coupling::exchange::Pieces;
-use voidage_coupling::protocol::{Setup, Table, Values};
 use voidage_coupling::{Error, Result};
 use voidage_fluid::balance::Balance;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::flow::{Report, State};
 use voidage_fluid::points::Points;
 use voidage_fluid::{MeshMotion, Vector};
+use voidage_remote::protocol::{Setup, Table, Values};
 
 /// A solver in Python, behind a `voidage.adapter.Driver`.
 pub struct PythonFluid {
@@ -124,7 +124,7 @@ pub fn point_dictionary<'py>(
     scalars: usize,
 ) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
-    let own = voidage_coupling::protocol::POINTS.len();
+    let own = voidage_remote::protocol::POINTS.len();
     let (own, more) = columns.split_at(own);
     for (name, array) in own {
         match *name {
@@ -132,7 +132,7 @@ pub fn point_dictionary<'py>(
             name => all.set_item(name, array)?,
         }
     }
-    let mut groups = more.chunks_exact(voidage_coupling::protocol::POINT_SCALAR.len());
+    let mut groups = more.chunks_exact(voidage_remote::protocol::POINT_SCALAR.len());
     let list = PyList::empty(py);
     for scalar in 0..scalars {
         let group = if mask >> scalar & 1 == 1 { groups.next() } else { None };

@@ -3,7 +3,8 @@
 use crate::plot::panels::{Curve, Panel};
 use crate::verify::{Case, Effort, Finding, Outcome};
 use std::path::Path;
-use voidage_coupling::{Error, Result, Scene, Simulation};
+use voidage_coupling::{Error, Result};
+use voidage_scene::{Scene, Simulation};
 
 /// The case.
 pub const CASE: Case = Case {

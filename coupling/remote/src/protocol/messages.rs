@@ -1,0 +1,217 @@
+//! The frames of a step: point terms, and what the fluid answers.
+//!
+//! A message knows its header and length, so that the payload can be borrowed from shared memory, and then writes itself
+//! there.
+
+use super::columns::{POINT_SCALAR, POINTS, Place, Table, wrong};
+use super::mesh::fields_at;
+use super::text::{numbers_for_text, write_text};
+use super::{ACCEPT, Header, IMMERSED, Kind, MOVES, MotionPlaces, read_text};
+use std::ops::Range;
+use voidage_coupling::backend::{FluidStep, Solution};
+use voidage_coupling::error::PeerError;
+use voidage_fluid::Vector;
+use voidage_fluid::balance::Balance;
+use voidage_fluid::conditions::Condition;
+use voidage_fluid::flow::Report;
+
+// ------------------------------------------------------------------------------------------------ step
+
+/// What a step brings.
+pub struct StepMessage<'a, const D: usize> {
+    step: &'a FluidStep<'a, D>,
+    points: Option<(Place, Range<usize>)>,
+    motion: Option<MotionPlaces>,
+    /// The end of all of them.
+    end: usize,
+    conditions: String,
+}
+
+impl<'a, const D: usize> StepMessage<'a, D> {
+    /// A step; `conditions` is their text if they must travel, else empty.
+    pub fn new(step: &'a FluidStep<'a, D>, conditions: String) -> Self {
+        let points = step.immersed.map(|immersed| {
+            let place = Place::of(immersed.points, 0);
+            (place, place.end()..place.end() + immersed.voidage.len())
+        });
+        let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
+        let motion = step.motion.map(|motion| MotionPlaces::new(D, motion.points.len(), end));
+        let end = motion.as_ref().map_or(end, |places| places.velocity.end);
+        Self { step, points, motion, end, conditions }
+    }
+
+    /// Its header; `accept` accepts the solution before, `iteration` counts the solutions of this step.
+    pub fn header(&self, accept: bool, iteration: u32) -> Header {
+        let moving = self.step.motion.map_or(0, |motion| motion.points.len());
+        let voidage = self.points.as_ref().map_or(0, |(_, voidage)| voidage.len());
+        let flag = |there: bool, flag: u32| if there { flag } else { 0 };
+        let flags =
+            flag(accept, ACCEPT) | flag(self.motion.is_some(), MOVES) | flag(self.points.is_some(), IMMERSED);
+        let header = Header {
+            nodes: moving.max(voidage) as u64,
+            flags,
+            step: self.step.number,
+            iteration,
+            time: self.step.time,
+            dt: self.step.dt,
+            text: self.conditions.len() as u64,
+            length: (self.end + numbers_for_text(&self.conditions)) as u64,
+            ..Header::new(Kind::Step)
+        };
+        match (&self.points, self.step.immersed) {
+            (Some((place, _)), Some(immersed)) => place.describe(immersed.points.scalars(), header),
+            _ => header,
+        }
+    }
+
+    /// Writes the payload.
+    pub fn write(&self, payload: &mut [f64]) {
+        write_text(&self.conditions, payload);
+        if let Some((places, motion)) = self.motion.as_ref().zip(self.step.motion.as_ref()) {
+            places.write(motion, payload);
+        }
+        if let (Some((place, voidage)), Some(immersed)) = (&self.points, self.step.immersed) {
+            place.write(immersed.points, payload);
+            payload[voidage.clone()].copy_from_slice(immersed.voidage);
+        }
+    }
+}
+
+/// What a step brings; its numbers lie in the payload.
+pub struct StepParts<const D: usize> {
+    /// Point terms and voidage; absent without grains.
+    pub points: Option<(Place, Range<usize>)>,
+    /// The motion of the mesh; absent while it stands still.
+    pub motion: Option<MotionPlaces>,
+    /// The conditions, if they are new.
+    pub conditions: Option<Vec<Condition<D>>>,
+}
+
+/// Finds the parts of a step.
+///
+/// # Errors
+/// Columns do not fit, the conditions cannot be read.
+pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<StepParts<D>, PeerError> {
+    let mut points = None;
+    if header.immerses() {
+        let place = Place::read(header, (&POINTS, &POINT_SCALAR), D, 0)?;
+        let end = (place.end() as u64).saturating_add(header.nodes);
+        if end > header.length {
+            return wrong(format!("points and voidage up to {end} in {} numbers", header.length));
+        }
+        points = Some((place, place.end()..end as usize));
+    }
+    let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
+    let motion = MotionPlaces::of(header, D, end)?;
+    let end = motion.as_ref().map_or(end, |places| places.velocity.end);
+    let text = read_text(header, payload)?;
+    if end + numbers_for_text(&text) > payload.len() {
+        return wrong("columns and text of a step overlap".into());
+    }
+    if text.is_empty() {
+        return Ok(StepParts { points, motion, conditions: None });
+    }
+    match serde_json::from_str(&text) {
+        Ok(conditions) => Ok(StepParts { points, motion, conditions: Some(conditions) }),
+        Err(error) => wrong(format!("the conditions of a step: {error}")),
+    }
+}
+
+// -------------------------------------------------------------------------------------------- solution
+
+/// Numbers of a report.
+const REPORT: usize = 6;
+
+/// Numbers of the balance of a part of the boundary.
+fn numbers_of_balance(dimension: usize, scalars: usize) -> usize {
+    1 + dimension + 2 * scalars
+}
+
+/// The answer of the fluid: fields, the balances of the parts of the boundary, and the report behind them.
+pub struct SolutionMessage<'a, const D: usize> {
+    solution: &'a Solution<D>,
+    place: Place,
+}
+
+impl<'a, const D: usize> SolutionMessage<'a, D> {
+    /// A solution.
+    pub fn new(solution: &'a Solution<D>) -> Self {
+        Self { solution, place: Place::of(&solution.fields, 0) }
+    }
+
+    /// Its header.
+    pub fn header(&self) -> Header {
+        let Solution { fields, balances, .. } = self.solution;
+        let numbers = balances.len() * numbers_of_balance(D, fields.scalars.len());
+        let length = (self.place.end() + numbers + REPORT) as u64;
+        let header = Header { parts: balances.len() as u64, length, ..Header::new(Kind::Solution) };
+        self.place.describe(fields.scalars(), header)
+    }
+
+    /// Writes the payload.
+    pub fn write(&self, payload: &mut [f64]) {
+        self.place.write(&self.solution.fields, payload);
+        let balances = self.solution.balances.iter().flat_map(|balance| {
+            let force = balance.force.iter().copied();
+            let scalars = balance.scalars.iter().chain(&balance.carried).copied();
+            std::iter::once(balance.flux).chain(force).chain(scalars)
+        });
+        let report = &self.solution.report;
+        let report = [
+            report.flow_iterations as f64,
+            report.scalar_iterations as f64,
+            report.residual,
+            f64::from(report.factored),
+            report.scalars_s,
+            report.flow_s,
+        ];
+        let numbers = balances.chain(report);
+        payload[self.place.end()..].iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
+    }
+}
+
+/// Reads a solution for a mesh of `nodes` nodes, with `scalars` scalars and so many parts of the boundary.
+///
+/// # Errors
+/// Columns are missing or of another length.
+pub fn read_solution<const D: usize>(
+    header: &Header,
+    payload: &[f64],
+    (nodes, scalars, parts): (usize, usize, usize),
+    out: &mut Solution<D>,
+) -> Result<(), PeerError> {
+    if header.rows as usize != nodes || header.scalars.count_ones() as usize != scalars {
+        let (rows, columns) = (header.rows, header.scalars.count_ones());
+        return wrong(format!(
+            "a solution of {rows} nodes and {columns} scalars, there are {nodes} and {scalars}"
+        ));
+    }
+    if header.parts != 0 && header.parts as usize != parts {
+        return wrong(format!("balances of {} parts of the boundary, there are {parts}", header.parts));
+    }
+    let place = fields_at(header, payload, 0, &mut out.fields)?;
+    let width = numbers_of_balance(D, scalars);
+    let end = place.end() + header.parts as usize * width;
+    let Some(report) = payload.get(end..end + REPORT) else {
+        return wrong("a solution without report".into());
+    };
+    out.balances.clear();
+    out.balances.extend(payload[place.end()..end].chunks_exact(width).map(|numbers| {
+        let (given, carried) = numbers[1 + D..].split_at(scalars);
+        Balance {
+            flux: numbers[0],
+            force: Vector::from_column_slice(&numbers[1..=D]),
+            scalars: given.to_vec(),
+            carried: carried.to_vec(),
+        }
+    }));
+    out.report = Report {
+        flow_iterations: report[0] as usize,
+        scalar_iterations: report[1] as usize,
+        residual: report[2],
+        factored: report[3] != 0.0,
+        scalars_s: report[4],
+        flow_s: report[5],
+    };
+    Ok(())
+}

@@ -1,0 +1,384 @@
+//! From a scene to the system that it describes.
+
+use crate as scene;
+use crate::Scene;
+use crate::placing::{Placed, Placing};
+use voidage_coupling::backend::{FluidBackend, Model, RustFluid};
+use voidage_coupling::closure::ThermalFluid;
+use voidage_coupling::error::{Error, Result};
+use voidage_coupling::exchange::AtGrains;
+use voidage_coupling::motion::Oscillation;
+use voidage_coupling::remesh::Remesher;
+use voidage_coupling::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
+use voidage_dem::{Conduction, ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
+use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
+use voidage_fluid::flow::{Numerics, State};
+use voidage_fluid::forms::Properties;
+use voidage_fluid::linear::{Method, Options};
+use voidage_fluid::transport::{Form, Scalar, ThinCell};
+use voidage_fluid::{Mesh, Vector};
+use voidage_remote::launch::{self, Host};
+use voidage_remote::protocol::Setup;
+
+/// The system of a plane scene, at time zero; `host` starts a fluid solver in another process, if the scene has one.
+///
+/// # Errors
+/// Input that only shows when the grains are placed or the mesh is made: a file, a region too small, a
+/// boundary that the mesh lacks; a fluid solver that does not start.
+pub fn coupled(scene: &Scene, host: &Host) -> Result<Coupled<2>> {
+    placed(scene, host, &mut Placing::alone())
+}
+
+/// The same, with somebody who watches grains being placed, and a folder that keeps beds.
+///
+/// # Errors
+/// Those of [`coupled`], a folder that cannot be written, and [`Error::Interrupted`].
+pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<Coupled<2>> {
+    if scene.dimension() != 2 {
+        let message =
+            format!("`gravity` has {} numbers: scenes in space (3D) cannot run yet", scene.dimension());
+        return Err(scene.error("gravity", message, "give it two numbers, as a scene in the plane"));
+    }
+    let grains = if scene.grains.is_empty() { None } else { Some(grains(scene, placing)?) };
+    let fluid = scene.fluid.as_ref().map(|fluid| self::fluid(scene, fluid, host)).transpose()?;
+    let coupling = scene.coupling.clone().unwrap_or_default();
+    let system = match (grains, fluid, &scene.fluid) {
+        (Some(grains), Some(fluid), Some(described)) => {
+            let interaction = interaction(&coupling, &grains, &fluid, described)?;
+            System::Mixture(Box::new(Mixture::new(grains, fluid, interaction)))
+        }
+        (Some(grains), ..) => System::Grains(Box::new(grains), Clock::default()),
+        (None, Some(fluid), _) => System::Fluid(Box::new(fluid)),
+        (None, None, _) => return Err(Error::Input("the scene has neither grains nor a fluid".into())),
+    };
+    Ok(Coupled::new(system, coupling.scheme.build(&coupling.iteration, coupling.cut)))
+}
+
+fn interaction(
+    coupling: &scene::Coupling,
+    grains: &Dem<2>,
+    fluid: &Fluid<2>,
+    described: &scene::Fluid,
+) -> Result<Interaction<2>> {
+    let thermal =
+        described.heat.as_ref().filter(|_| grains.particles.heat.is_some()).map(|heat| ThermalFluid {
+            conductivity: heat.conductivity,
+            prandtl: heat.heat_capacity * described.viscosity / heat.conductivity,
+        });
+    let laws = Laws {
+        drag: coupling.drag,
+        voidage_function: coupling.voidage_function,
+        heat: coupling.heat.unwrap_or_default(),
+        density: described.density,
+        viscosity: described.viscosity,
+        thermal,
+    };
+    let count = grains.particles.len();
+    let at = AtGrains {
+        velocity: vec![initial_velocity(described); count],
+        pressure_gradient: vec![Vector::zeros(); count],
+        temperature: match (&thermal, &described.heat) {
+            (Some(_), Some(heat)) => vec![heat.initial_temperature; count],
+            _ => Vec::new(),
+        },
+    };
+    let interaction = Interaction::new(laws, &fluid.mesh, grains, at)?;
+    Ok(Interaction { heat_tolerance: described.solver.tolerance, ..interaction })
+}
+
+fn initial_velocity(fluid: &scene::Fluid) -> Vector<2> {
+    fluid.initial_velocity.as_ref().map_or_else(Vector::zeros, |v| v.vector())
+}
+
+// ---------------------------------------------------------------------------------------------- grains
+
+fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
+    let names: Vec<&String> = scene.materials.keys().collect();
+    let mut materials = Vec::new();
+    let (mut all, mut forces) = (Particles::<2>::default(), vec![]);
+    let mut heat = voidage_dem::Heat::default();
+    for (k, group) in scene.grains.iter().enumerate() {
+        let Some(described) = scene.materials.get(&group.material) else {
+            return Err(Error::Input(format!("no material `{}`; there are {names:?}", group.material)));
+        };
+        materials.push(material(described, group.solidity));
+        let Placed { grains: mut placed, forces: of_bed } = placing.place(scene, k, &materials)?;
+        let first = all.len() as u32;
+        forces.extend(of_bed.into_iter().map(|f| ContactForce {
+            grain: first + f.grain,
+            partner: match f.partner {
+                Partner::Grain(other) => Partner::Grain(first + other),
+                wall => wall,
+            },
+            ..f
+        }));
+        // Columns of a file go before the values of the group.
+        if let Some(velocity) =
+            group.velocity.as_ref().filter(|_| placed.velocity.iter().all(|v| v.norm() == 0.0))
+        {
+            placed.velocity.fill(velocity.vector());
+        }
+        if let Some(temperature) = group.temperature {
+            let own = match placed.heat.take() {
+                Some(heat) => heat,
+                None => placed.clone().heated(temperature, &materials)?.heat.unwrap_or_default(),
+            };
+            heat.temperature.extend(own.temperature);
+            heat.capacity.extend(own.capacity);
+        }
+        if group.fixed {
+            placed.mass.fill(f64::INFINITY);
+        }
+        all.append(placed);
+    }
+    if scene.grains_have_heat() {
+        all.heat = Some(heat);
+    }
+    scene.check_apart(&all)?;
+    let contacts = scene.contacts.clone().unwrap_or_default();
+    if contacts.rotation {
+        all = all.rotating();
+    }
+    let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect();
+    let mut dem = Dem::new(all, walls, materials, settings(scene, &contacts))?;
+    if !forces.is_empty() {
+        dem.start_from(&forces);
+    }
+    Ok(dem)
+}
+
+/// A material of the scene, for grains of a solidity.
+pub(crate) fn material(described: &scene::Material, solidity: f64) -> Material {
+    Material {
+        density: described.density,
+        solidity,
+        friction: described.friction,
+        restitution: described.restitution,
+        young: described.young.unwrap_or(0.0),
+        poisson: described.poisson.unwrap_or(0.0),
+        conductivity: described.conductivity.unwrap_or(0.0),
+        heat_capacity: described.heat_capacity.unwrap_or(0.0),
+    }
+}
+
+/// A wall of the scene, at time 0 and by its law of motion.
+pub fn wall(scene: &Scene, described: &scene::Wall) -> Wall<2> {
+    let material = described.material.as_ref().and_then(|name| scene.materials.get(name));
+    let motion = match &described.motion {
+        None => Motion::Fixed,
+        Some(scene::Motion::Velocity(v)) => Motion::Translation { velocity: v.vector() },
+        Some(scene::Motion::Oscillate(o)) => {
+            Motion::Oscillation { amplitude: o.amplitude.vector(), frequency: o.frequency, phase: o.phase }
+        }
+        Some(scene::Motion::Rotate(r)) => Motion::Rotation { centre: r.centre.vector(), rate: r.rate },
+    };
+    let wall = Wall::new(described.name.clone(), described.from.vector(), described.to.vector());
+    Wall {
+        friction: described.friction.or(material.map(|m| m.friction)).unwrap_or(0.0),
+        restitution: described.restitution.or(material.map(|m| m.restitution)).unwrap_or(0.0),
+        conductivity: material.and_then(|m| m.conductivity),
+        temperature: described.temperature,
+        motion,
+        ..wall
+    }
+}
+
+/// How contacts of the scene are solved.
+pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2> {
+    Settings {
+        gravity: scene.gravity.vector(),
+        tolerance: contacts.tolerance,
+        max_sweeps: contacts.max_sweeps,
+        interior: contacts.interior,
+        max_travel: contacts.max_travel,
+        max_substeps: contacts.max_substeps,
+        conduction: contacts.conduction.map(|law| match law {
+            scene::Conduction::Henry => Conduction::Henry,
+            scene::Conduction::HenryPrinted => Conduction::HenryPrinted,
+            scene::Conduction::Line => Conduction::Line,
+            scene::Conduction::Hertz => Conduction::Hertz,
+        }),
+        cohesion: contacts
+            .cohesion
+            .as_ref()
+            .map(|c| voidage_dem::Cohesion { force: c.force, steps: c.steps }),
+        ..Settings::default()
+    }
+}
+
+// ----------------------------------------------------------------------------------------------- fluid
+
+fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2>> {
+    let mesh = mesh(scene, described)?;
+    let nodes = mesh.points.len();
+    let temperature = described.heat.iter().map(|heat| heat.initial_temperature);
+    let initial = temperature.chain(described.scalars.iter().map(|scalar| scalar.initial));
+    let start = State {
+        velocity: vec![initial_velocity(described); nodes],
+        pressure: vec![0.0; nodes],
+        scalars: initial.map(|value| vec![value; nodes]).collect(),
+    };
+    let names = scalars(described).into_iter().map(|scalar| scalar.name).collect();
+    let mut fluid = Fluid::new(backend(scene, host)?, mesh, start, names, conditions(described))?;
+    fluid.ramp = described.ramp;
+    if let Some(motion) = &described.mesh_motion {
+        fluid.motion = Some(oscillation(scene, motion, &fluid.mesh)?);
+        fluid.remesher = motion.remesh.map(|when| Remesher::new(&fluid.mesh, when));
+    }
+    Ok(fluid)
+}
+
+fn oscillation(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Oscillation<2>> {
+    let (amplitude, boundary) = (motion.amplitude.vector(), motion.boundary.as_deref());
+    let oscillation = Oscillation::new(mesh, amplitude, motion.frequency, boundary);
+    let followed = oscillation.and_then(|oscillation| match motion.remesh {
+        Some(_) => Ok(oscillation),
+        None => oscillation.check(mesh).map(|()| oscillation),
+    });
+    followed.map_err(|error| {
+        let message = format!("`fluid.mesh_motion`: {error}");
+        let remedy = "give a smaller amplitude, a boundary of the mesh, or `remesh = {}`";
+        scene.error("fluid.mesh_motion", message, remedy)
+    })
+}
+
+/// All that the fluid solver of a scene is told once; `None` without fluid.
+pub fn setup(scene: &Scene) -> Option<Setup<2>> {
+    scene.fluid.as_ref().map(|fluid| {
+        Setup::new(Model {
+            properties: properties(scene, fluid),
+            scalars: scalars(fluid),
+            numerics: numerics(fluid),
+            conditions: conditions(fluid),
+        })
+    })
+}
+
+/// The fluid solver that a scene asks for; it waits for its mesh.
+///
+/// # Errors
+/// The scene has no fluid, the solver does not start.
+pub fn backend(scene: &Scene, host: &Host) -> Result<Box<dyn FluidBackend<2>>> {
+    let (Some(fluid), Some(setup)) = (&scene.fluid, setup(scene)) else {
+        return Err(Error::Input("the scene has no fluid".into()));
+    };
+    match &fluid.backend {
+        Some(backend) if backend.solver != scene::Solver::Rust => {
+            Ok(Box::new(launch::remote(backend, host, &setup)?))
+        }
+        _ => Ok(Box::new(RustFluid::<2, 3>::new(setup.model))),
+    }
+}
+
+fn mesh(scene: &Scene, described: &scene::Fluid) -> Result<Mesh<2>> {
+    let (made, path) = match &described.mesh {
+        scene::MeshSource::Rectangle(rectangle) => (Mesh::rectangle(rectangle), "fluid.mesh.rectangle"),
+        scene::MeshSource::File(file) => (Mesh::read_msh(file), "fluid.mesh.file"),
+    };
+    let mesh = made.map_err(|error| {
+        scene.error(path, format!("`{path}`: {error}"), "give a mesh of triangles with named boundaries")
+    })?;
+    let names: Vec<&str> = mesh.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
+    scene.check_boundary_names(&names)?;
+    Ok(mesh)
+}
+
+fn properties(scene: &Scene, fluid: &scene::Fluid) -> Properties<2> {
+    Properties {
+        density: fluid.density,
+        viscosity: fluid.viscosity,
+        gravity: scene.gravity.vector(),
+        thin_cell_drag: fluid.thin_cell.as_ref().map_or(0.0, |cell| cell.drag),
+        drag_in_stabilisation: fluid.solver.drag_in_stabilisation,
+    }
+}
+
+/// The scalars of a fluid, the temperature first.
+fn scalars(fluid: &scene::Fluid) -> Vec<Scalar> {
+    let form = |form: scene::Form| match form {
+        scene::Form::Consistent => Form::Consistent,
+        scene::Form::Lumped => Form::Lumped,
+        scene::Form::Monotone => Form::Monotone,
+    };
+    let thin_cell = fluid.thin_cell.as_ref().and_then(|cell| cell.heat.as_ref());
+    let heat = fluid.heat.iter().map(|heat| Scalar {
+        name: TEMPERATURE.into(),
+        capacity: fluid.density * heat.heat_capacity,
+        conductivity: heat.conductivity,
+        thin_cell: thin_cell.map(|wall| ThinCell { coefficient: wall.coefficient, value: wall.temperature }),
+        form: form(heat.form),
+        expansion: heat.expansion,
+        reference: heat.reference_temperature.unwrap_or(heat.initial_temperature),
+    });
+    let others = fluid.scalars.iter().map(|scalar| Scalar {
+        name: scalar.name.clone(),
+        capacity: 1.0,
+        conductivity: scalar.diffusivity,
+        thin_cell: None,
+        form: form(scalar.form),
+        expansion: scalar.expansion,
+        reference: scalar.reference.unwrap_or(scalar.initial),
+    });
+    heat.chain(others).collect()
+}
+
+fn numerics(fluid: &scene::Fluid) -> Numerics {
+    let method = match fluid.solver.linear {
+        scene::LinearMethod::Auto | scene::LinearMethod::Kept => Method::Multifrontal,
+        scene::LinearMethod::Direct => Method::MultifrontalFresh,
+        scene::LinearMethod::Ilu => Method::Ilu,
+    };
+    let tolerance = fluid.solver.tolerance;
+    let default = Numerics::default();
+    Numerics {
+        newton: fluid.solver.newton,
+        flow: Options { method, tolerance, ..default.flow },
+        scalars: Options { tolerance, ..default.scalars },
+    }
+}
+
+fn conditions(fluid: &scene::Fluid) -> Vec<Condition<2>> {
+    let of = |boundary: &scene::Boundary| {
+        let heat = fluid.heat.iter().map(|_| heat_condition(boundary.heat.as_ref()));
+        let others = fluid.scalars.iter().map(|s| scalar_condition(boundary.scalars.get(&s.name)));
+        Condition {
+            boundary: boundary.name.clone(),
+            flow: flow_condition(&boundary.flow),
+            scalars: heat.chain(others).collect(),
+        }
+    };
+    fluid.boundaries.iter().map(of).collect()
+}
+
+fn flow_condition(flow: &scene::Flow) -> FlowCondition<2> {
+    let uniform = |v: &scene::Coordinates| Prescribed::Uniform(v.vector());
+    match flow {
+        scene::Flow::Velocity(v) => FlowCondition::Velocity(uniform(v)),
+        scene::Flow::SuperficialVelocity(v) => FlowCondition::SuperficialVelocity(uniform(v)),
+        scene::Flow::NoSlip => FlowCondition::NoSlip,
+        scene::Flow::Slip => FlowCondition::Slip,
+        scene::Flow::Open { pressure } => FlowCondition::Open { pressure: *pressure },
+    }
+}
+
+fn heat_condition(heat: Option<&scene::HeatBoundary>) -> ScalarCondition {
+    match heat {
+        None | Some(scene::HeatBoundary::Adiabatic) => ScalarCondition::Insulated,
+        Some(scene::HeatBoundary::Temperature(value)) => ScalarCondition::Value(Prescribed::Uniform(*value)),
+        Some(scene::HeatBoundary::Newton { coefficient, temperature }) => {
+            ScalarCondition::Transfer { coefficient: *coefficient, outside: *temperature }
+        }
+        Some(scene::HeatBoundary::Open { temperature }) => ScalarCondition::Outflow { outside: *temperature },
+    }
+}
+
+fn scalar_condition(scalar: Option<&scene::ScalarBoundary>) -> ScalarCondition {
+    match scalar {
+        None | Some(scene::ScalarBoundary::Insulated) => ScalarCondition::Insulated,
+        Some(scene::ScalarBoundary::Value(value)) => ScalarCondition::Value(Prescribed::Uniform(*value)),
+        Some(scene::ScalarBoundary::Transfer { coefficient, outside }) => {
+            ScalarCondition::Transfer { coefficient: *coefficient, outside: *outside }
+        }
+        Some(scene::ScalarBoundary::Outflow { outside }) => ScalarCondition::Outflow { outside: *outside },
+    }
+}

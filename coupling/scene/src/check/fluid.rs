@@ -1,0 +1,209 @@
+//! Checks of the fluid, its mesh and its boundaries.
+
+use super::{Checked, coordinates, fail, known, not_negative, positive, tolerance, within};
+use crate::{
+    Backend, Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, ScalarBoundary, Scene, Solver,
+};
+use voidage_coupling::TEMPERATURE;
+use voidage_fluid::mesh::{Rectangle, Sides};
+use voidage_remote::transport::Address;
+
+pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
+    positive(scene, "fluid.density", fluid.density)?;
+    positive(scene, "fluid.viscosity", fluid.viscosity)?;
+    not_negative(scene, "fluid.ramp", fluid.ramp)?;
+    if let Some(velocity) = &fluid.initial_velocity {
+        coordinates(scene, "fluid.initial_velocity", velocity)?;
+    }
+    if let Some(motion) = &fluid.mesh_motion {
+        coordinates(scene, "fluid.mesh_motion.amplitude", &motion.amplitude)?;
+        positive(scene, "fluid.mesh_motion.frequency", motion.frequency)?;
+        if let Some(name) = &motion.boundary {
+            let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
+            known(scene, "fluid.mesh_motion.boundary", name, &names, "boundary of the mesh")?;
+        }
+        if let Some(remesh) = &motion.remesh {
+            positive(scene, "fluid.mesh_motion.remesh.every", remesh.every as f64)?;
+            within(scene, "fluid.mesh_motion.remesh.angle", remesh.angle, 0.0, 25.0)?;
+        }
+    }
+    if let Some(heat) = &fluid.heat {
+        check_heat(scene, heat)?;
+    }
+    check_scalars(scene, fluid)?;
+    check_thin_cell(scene, fluid)?;
+    if let Some(backend) = &fluid.backend {
+        check_backend(scene, backend)?;
+    }
+    tolerance(scene, "fluid.solver.tolerance", fluid.solver.tolerance, 1e-2)?;
+    positive(scene, "fluid.solver.newton", fluid.solver.newton as f64)?;
+    for (i, boundary) in fluid.boundaries.iter().enumerate() {
+        check_boundary(scene, fluid, &format!("fluid.boundaries[{i}]"), boundary)?;
+    }
+    match &fluid.mesh {
+        MeshSource::Rectangle(rectangle) => {
+            check_rectangle(scene, rectangle)?;
+            scene.check_boundary_names(&names(rectangle))
+        }
+        MeshSource::File(file) if !file.is_file() => {
+            let message = format!("`fluid.mesh.file`: there is no file {}", file.display());
+            fail(scene, "fluid.mesh.file", message, "give a path relative to the folder of the scene")
+        }
+        MeshSource::File(_) => Ok(()),
+    }
+}
+
+fn check_heat(scene: &Scene, heat: &FluidHeat) -> Checked {
+    positive(scene, "fluid.heat.heat_capacity", heat.heat_capacity)?;
+    positive(scene, "fluid.heat.conductivity", heat.conductivity)?;
+    positive(scene, "fluid.heat.initial_temperature", heat.initial_temperature)?;
+    let reference = heat.reference_temperature;
+    reference.map_or(Ok(()), |value| positive(scene, "fluid.heat.reference_temperature", value))
+}
+
+fn check_scalars(scene: &Scene, fluid: &Fluid) -> Checked {
+    for (i, scalar) in fluid.scalars.iter().enumerate() {
+        let (path, name) = (format!("fluid.scalars[{i}]"), &scalar.name);
+        let taken = [TEMPERATURE, "velocity", "pressure", "voidage"].contains(&name.as_str())
+            || fluid.scalars[..i].iter().any(|other| other.name == *name);
+        if taken {
+            let message = format!("`{path}.name = {name:?}` is the name of another field");
+            return fail(scene, &format!("{path}.name"), message, "give every scalar a name of its own");
+        }
+        if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
+            let message = format!("`{path}.name = {name:?}` cannot stand in names of columns");
+            return fail(scene, &format!("{path}.name"), message, "use letters, digits and `_`");
+        }
+        positive(scene, &format!("{path}.diffusivity"), scalar.diffusivity)?;
+    }
+    Ok(())
+}
+
+fn check_thin_cell(scene: &Scene, fluid: &Fluid) -> Checked {
+    let Some(cell) = &fluid.thin_cell else { return Ok(()) };
+    not_negative(scene, "fluid.thin_cell.drag", cell.drag)?;
+    let Some(heat) = &cell.heat else { return Ok(()) };
+    if fluid.heat.is_none() {
+        let message = "`fluid.thin_cell.heat` is there, but the fluid has no temperature";
+        return fail(scene, "fluid.thin_cell.heat", message, "add `[fluid.heat]`, or take it away");
+    }
+    not_negative(scene, "fluid.thin_cell.heat.coefficient", heat.coefficient)?;
+    positive(scene, "fluid.thin_cell.heat.temperature", heat.temperature)
+}
+
+fn check_backend(scene: &Scene, backend: &Backend) -> Checked {
+    if let Some(timeout) = backend.timeout {
+        positive(scene, "fluid.backend.timeout", timeout)?;
+    }
+    let name = backend.solver.name();
+    let (started, other) = match &backend.solver {
+        Solver::Rust => (false, false),
+        Solver::Attach(address) => {
+            if let Err(message) = address.parse::<Address>() {
+                return fail(scene, "fluid.backend.solver", message, "for example attach:shm:my-run");
+            }
+            (false, true)
+        }
+        _ => (true, true),
+    };
+    if backend.transport.is_some() && !started {
+        let message =
+            format!("`fluid.backend.transport` is there, but the solver {name} is not started here");
+        let help = "take it away, or choose a solver in a process of its own, such as serve";
+        return fail(scene, "fluid.backend.transport", message, help);
+    }
+    if backend.timeout.is_some() && !other {
+        let message = format!("`fluid.backend.timeout` is there, but the solver {name} is in this process");
+        let help = "take it away, or choose a solver in a process of its own, such as serve";
+        return fail(scene, "fluid.backend.timeout", message, help);
+    }
+    Ok(())
+}
+
+fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary) -> Checked {
+    match &boundary.flow {
+        Flow::Velocity(velocity) => coordinates(scene, &format!("{path}.flow.velocity"), velocity)?,
+        Flow::SuperficialVelocity(velocity) => {
+            coordinates(scene, &format!("{path}.flow.superficial_velocity"), velocity)?;
+        }
+        Flow::NoSlip | Flow::Slip | Flow::Open { .. } => {}
+    }
+    let names: Vec<&str> = fluid.scalars.iter().map(|scalar| scalar.name.as_str()).collect();
+    for (name, condition) in &boundary.scalars {
+        let path = format!("{path}.scalars.{name}");
+        known(scene, &path, name, &names, "scalar of the fluid")?;
+        if let ScalarBoundary::Transfer { coefficient, .. } = condition {
+            not_negative(scene, &format!("{path}.transfer.coefficient"), *coefficient)?;
+        }
+    }
+    let Some(heat) = &boundary.heat else { return Ok(()) };
+    if fluid.heat.is_none() {
+        let message = format!("`{path}.heat` is there, but the fluid has no temperature");
+        return fail(scene, &format!("{path}.heat"), message, "add `[fluid.heat]`, or take it away");
+    }
+    match heat {
+        HeatBoundary::Temperature(value) => positive(scene, &format!("{path}.heat.temperature"), *value),
+        HeatBoundary::Open { temperature } => temperature
+            .map_or(Ok(()), |value| positive(scene, &format!("{path}.heat.open.temperature"), value)),
+        HeatBoundary::Newton { coefficient, temperature } => {
+            not_negative(scene, &format!("{path}.heat.newton.coefficient"), *coefficient)?;
+            positive(scene, &format!("{path}.heat.newton.temperature"), *temperature)
+        }
+        HeatBoundary::Adiabatic => Ok(()),
+    }
+}
+
+fn check_rectangle(scene: &Scene, rectangle: &Rectangle) -> Checked {
+    let path = "fluid.mesh.rectangle";
+    if let Err(error) = rectangle.validate() {
+        // The message begins with the key: `sides.left[0].to = 3 must lie between ..`.
+        let message = error.to_string();
+        let in_key = |c: char| c.is_ascii_alphanumeric() || "_.[]".contains(c);
+        let key = message.split(|c| !in_key(c)).next().unwrap_or("").trim_end_matches('.');
+        let help = "`voidage schema` lists all keys of a rectangle";
+        return fail(scene, &format!("{path}.{key}"), format!("`{path}`: {message}"), help);
+    }
+    let area = (0..2).map(|axis| rectangle.upper[axis] - rectangle.lower[axis]).product::<f64>();
+    let cells = rectangle.size.map_or(0.0, |size| 2.0 * area / size.powi(2));
+    if cells > 1e8 {
+        let message = format!("`{path}.size` makes about {cells:.0e} triangles");
+        return fail(scene, &format!("{path}.size"), message, "give a larger size");
+    }
+    Ok(())
+}
+
+/// The names of all parts of the boundary, in order, each once.
+fn names(rectangle: &Rectangle) -> Vec<&str> {
+    let Sides { left, right, bottom, top } = &rectangle.sides;
+    let sides = [left, right, bottom, top].into_iter().flat_map(|side| side.0.iter().map(|part| &part.name));
+    let mut names: Vec<&str> = Vec::new();
+    for name in sides.chain(rectangle.holes.iter().map(|hole| &hole.name)) {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    }
+    names
+}
+
+impl Scene {
+    /// Checks the conditions of `fluid.boundaries` against the names of the mesh: each condition names a boundary of the
+    /// mesh, and each boundary of the mesh has a condition. To be called again once a mesh has been read from a file.
+    pub fn check_boundary_names(&self, names: &[&str]) -> Checked {
+        let boundaries = self.fluid.as_ref().map_or(&[][..], |fluid| &fluid.boundaries);
+        for (i, boundary) in boundaries.iter().enumerate() {
+            let path = format!("fluid.boundaries[{i}].name");
+            known(self, &path, &boundary.name, names, "boundary of the mesh")?;
+            if boundaries[..i].iter().any(|earlier| earlier.name == boundary.name) {
+                let message = format!("`{path} = \"{}\"` has conditions already", boundary.name);
+                return fail(self, &path, message, "give each boundary one table `[[fluid.boundaries]]`");
+            }
+        }
+        match names.iter().find(|name| boundaries.iter().all(|boundary| boundary.name != **name)) {
+            None => Ok(()),
+            Some(name) => {
+                let help = format!("add `[[fluid.boundaries]]` with `name = \"{name}\"` and a `flow`");
+                fail(self, "fluid", format!("the boundary \"{name}\" of the mesh has no conditions"), help)
+            }
+        }
+    }
+}

@@ -1,0 +1,401 @@
+//! Checks of materials, grains, walls and contacts.
+
+use super::{
+    Checked, coordinates, corners, distinct, fail, known, not_negative, positive, tolerance, within,
+};
+use crate::totals::DEEP;
+use crate::{Amount, Grains, Lattice, Material, MeshSource, Motion, Placement, Radius, Scene, Wall};
+use std::path::Path;
+use voidage_coupling::Error;
+use voidage_dem::{Particles, Rounded, Vector, packing::read_table};
+
+pub(super) fn check(scene: &Scene) -> Checked {
+    for (name, material) in &scene.materials {
+        check_material(scene, &format!("materials.{name}"), material)?;
+    }
+    for (i, group) in scene.grains.iter().enumerate() {
+        check_group(scene, &format!("grains[{i}]"), group)?;
+    }
+    check_heat(scene)?;
+    check_contacts(scene)?;
+    check_places(scene)
+}
+
+/// Checks of the walls, as the file has them.
+pub(super) fn walls(scene: &Scene) -> Checked {
+    let mut walls = scene.walls.iter().enumerate();
+    walls.try_for_each(|(i, wall)| check_wall(scene, &format!("walls[{i}]"), wall))
+}
+
+fn check_material(scene: &Scene, path: &str, material: &Material) -> Checked {
+    positive(scene, &format!("{path}.density"), material.density)?;
+    not_negative(scene, &format!("{path}.friction"), material.friction)?;
+    within(scene, &format!("{path}.restitution"), material.restitution, 0.0, 1.0)?;
+    let optional = [
+        ("young", material.young),
+        ("conductivity", material.conductivity),
+        ("heat_capacity", material.heat_capacity),
+    ];
+    for (key, value) in optional {
+        value.map_or(Ok(()), |value| positive(scene, &format!("{path}.{key}"), value))?;
+    }
+    material.poisson.map_or(Ok(()), |ratio| within(scene, &format!("{path}.poisson"), ratio, -1.0, 0.5))
+}
+
+fn check_group(scene: &Scene, path: &str, group: &Grains) -> Checked {
+    known(scene, &format!("{path}.material"), &group.material, &material_names(scene), "material")?;
+    if !(group.solidity > 0.0 && group.solidity <= 1.0) {
+        let message = format!("`{path}.solidity = {}` is out of range", group.solidity);
+        return fail(scene, &format!("{path}.solidity"), message, "give a number above 0, at most 1");
+    }
+    if let Some(velocity) = &group.velocity {
+        coordinates(scene, &format!("{path}.velocity"), velocity)?;
+    }
+    if let Some(temperature) = group.temperature {
+        positive(scene, &format!("{path}.temperature"), temperature)?;
+    }
+    check_radius(scene, path, group)?;
+    match group.amount {
+        Amount::Mass(mass) => positive(scene, &format!("{path}.amount.mass"), mass)?,
+        Amount::Count(0) => {
+            let message = format!("`{path}.amount.count = 0`: the group has no grains");
+            return fail(
+                scene,
+                &format!("{path}.amount.count"),
+                message,
+                "give 1 or more, or take the group away",
+            );
+        }
+        Amount::Count(_) | Amount::Fill => {}
+    }
+    let in_file = matches!(group.placement, Placement::Csv(_));
+    if in_file && group.amount != Amount::Fill {
+        let message = format!("`{path}.amount` is there, but the grains come from a file");
+        return fail(
+            scene,
+            &format!("{path}.amount"),
+            message,
+            "take it away: all grains of the file are used",
+        );
+    }
+    if group.fixed && matches!(group.placement, Placement::Deposit(_)) {
+        let help = "place fixed grains on a lattice, at random or from a file";
+        let message = format!("`{path}.fixed = true`: grains that are poured cannot be fixed");
+        return fail(scene, &format!("{path}.fixed"), message, help);
+    }
+    Ok(())
+}
+
+fn check_radius(scene: &Scene, path: &str, group: &Grains) -> Checked {
+    let in_file = matches!(group.placement, Placement::Csv(_));
+    match &group.radius {
+        Some(_) if in_file => {
+            let message = format!("`{path}.radius` is there, but the grains come from a file");
+            fail(scene, &format!("{path}.radius"), message, "take it away: radii are in column r of the file")
+        }
+        Some(Radius::Constant(radius)) => positive(scene, &format!("{path}.radius.constant"), *radius),
+        Some(Radius::Uniform([low, high])) => {
+            positive(scene, &format!("{path}.radius.uniform[0]"), *low)?;
+            if high < low {
+                let message = format!("`{path}.radius.uniform = [{low}, {high}]` is upside down");
+                return fail(scene, &format!("{path}.radius.uniform"), message, "give [smallest, largest]");
+            }
+            Ok(())
+        }
+        None if in_file => Ok(()),
+        None => {
+            let help = "give `radius = {constant = r}` or `radius = {uniform = [smallest, largest]}`, in m";
+            fail(scene, path, format!("`{path}` has no `radius`"), help)
+        }
+    }
+}
+
+fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
+    let placed = !(wall.from.is_empty() && wall.to.is_empty());
+    match &wall.along {
+        None => {
+            coordinates(scene, &format!("{path}.from"), &wall.from)?;
+            coordinates(scene, &format!("{path}.to"), &wall.to)?;
+            distinct(scene, &format!("{path}.to"), &wall.from, &wall.to)?;
+        }
+        Some(_) if placed || wall.motion.is_some() => {
+            let key = format!("{path}.along");
+            let message = format!("`{key}` is there beside `from`, `to` or `motion`");
+            return fail(
+                scene,
+                &key,
+                message,
+                "a wall `along` the mesh stands where the mesh is at the start",
+            );
+        }
+        Some(_) => {}
+    }
+    if let Some(material) = &wall.material {
+        known(scene, &format!("{path}.material"), material, &material_names(scene), "material")?;
+    }
+    wall.friction.map_or(Ok(()), |value| not_negative(scene, &format!("{path}.friction"), value))?;
+    wall.restitution
+        .map_or(Ok(()), |value| within(scene, &format!("{path}.restitution"), value, 0.0, 1.0))?;
+    wall.temperature.map_or(Ok(()), |value| positive(scene, &format!("{path}.temperature"), value))?;
+    match &wall.motion {
+        None => Ok(()),
+        Some(Motion::Velocity(velocity)) => coordinates(scene, &format!("{path}.motion.velocity"), velocity),
+        Some(Motion::Oscillate(way)) => {
+            coordinates(scene, &format!("{path}.motion.oscillate.amplitude"), &way.amplitude)?;
+            positive(scene, &format!("{path}.motion.oscillate.frequency"), way.frequency)
+        }
+        Some(Motion::Rotate(way)) => coordinates(scene, &format!("{path}.motion.rotate.centre"), &way.centre),
+    }
+}
+
+/// All groups have a temperature or none has, and materials have what heat needs.
+fn check_heat(scene: &Scene) -> Checked {
+    let conduction = scene.contacts.as_ref().and_then(|contacts| contacts.conduction);
+    if !scene.grains_have_heat() {
+        if conduction.is_some() {
+            let message = "`contacts.conduction` is there, but the grains have no temperature";
+            let help = "give all `grains` a `temperature`, or take `contacts.conduction` away";
+            return fail(scene, "contacts.conduction", message, help);
+        }
+        return Ok(());
+    }
+    for (i, group) in scene.grains.iter().enumerate() {
+        let path = format!("grains[{i}]");
+        if group.temperature.is_none() {
+            let message = format!("`{path}` has no `temperature`, but another group has one");
+            return fail(scene, &path, message, "give all groups a `temperature`, or none");
+        }
+        let material = &scene.materials[&group.material];
+        let mut needs = vec![("heat_capacity", material.heat_capacity)];
+        if conduction.is_some() {
+            needs.push(("conductivity", material.conductivity));
+            needs.push(("young", material.young));
+            needs.push(("poisson", material.poisson));
+        }
+        if let Some((key, _)) = needs.iter().find(|(_, value)| value.is_none()) {
+            let path = format!("materials.{}", group.material);
+            let message = format!("`{path}` has no `{key}`, which the heat of the grains needs");
+            return fail(scene, &path, message, format!("add `{key}` to `[{path}]`"));
+        }
+    }
+    Ok(())
+}
+
+fn check_contacts(scene: &Scene) -> Checked {
+    let Some(contacts) = &scene.contacts else { return Ok(()) };
+    tolerance(scene, "contacts.tolerance", contacts.tolerance, 0.1)?;
+    within(scene, "contacts.max_penetration", contacts.max_penetration, DEEP, 1.0)?;
+    positive(scene, "contacts.max_sweeps", contacts.max_sweeps as f64)?;
+    positive(scene, "contacts.max_substeps", contacts.max_substeps as f64)?;
+    positive(scene, "contacts.max_travel", contacts.max_travel)?;
+    if contacts.conduction == Some(crate::Conduction::Hertz) && scene.dimension() == 2 {
+        let message = "`contacts.conduction = \"hertz\"` is the law of spheres";
+        return fail(
+            scene,
+            "contacts.conduction",
+            message,
+            "in the plane use \"henry\", \"henry-printed\" or \"line\"",
+        );
+    }
+    match &contacts.cohesion {
+        Some(cohesion) => not_negative(scene, "contacts.cohesion.force", cohesion.force),
+        None => Ok(()),
+    }
+}
+
+fn material_names(scene: &Scene) -> Vec<&str> {
+    scene.materials.keys().map(String::as_str).collect()
+}
+
+/// Grains start inside the mesh, off the walls, and apart from each other.
+fn check_places(scene: &Scene) -> Checked {
+    for (i, group) in scene.grains.iter().enumerate() {
+        let path = format!("grains[{i}].placement");
+        match &group.placement {
+            Placement::Deposit(place) => {
+                check_box(scene, &format!("{path}.deposit"), &place.lower.0, &place.upper.0)?;
+                let key = format!("{path}.deposit.friction");
+                place.friction.map_or(Ok(()), |friction| not_negative(scene, &key, friction))?;
+            }
+            Placement::Random(place) => {
+                check_box(scene, &format!("{path}.random"), &place.lower.0, &place.upper.0)?
+            }
+            Placement::Lattice(place) => {
+                check_box(scene, &format!("{path}.lattice"), &place.lower.0, &place.upper.0)?;
+                check_lattice(scene, &format!("{path}.lattice"), place, group)?;
+            }
+            Placement::Csv(file) => {
+                let key = format!("{path}.csv.file");
+                if !file.file.is_file() {
+                    let message = format!("`{key}`: there is no file {}", file.file.display());
+                    return fail(scene, &key, message, "give a path relative to the folder of the scene");
+                }
+                if let Err(message) = check_file(scene, &file.file) {
+                    return fail(scene, &key, message, "correct the file, or name another one");
+                }
+            }
+        }
+        check_room(scene, i)?;
+    }
+    Ok(())
+}
+
+/// The grains of a group may all fit in their box.
+fn check_room(scene: &Scene, group: usize) -> Checked {
+    match crate::placing::check(scene, group) {
+        Err(Error::Scene(error)) => Err(error),
+        Err(error) => fail(scene, &format!("grains[{group}].placement"), error.to_string(), "change the box"),
+        Ok(()) => Ok(()),
+    }
+}
+
+fn check_box(scene: &Scene, path: &str, lower: &[f64], upper: &[f64]) -> Checked {
+    for (key, corner) in [("lower", lower), ("upper", upper)] {
+        coordinates(scene, &format!("{path}.{key}"), &crate::Coordinates(corner.to_vec()))?;
+    }
+    corners(scene, path, lower, upper)?;
+    let Some((inner, outer)) = bounds(scene) else { return Ok(()) };
+    let slack = 1e-9 * (outer[0] - inner[0]);
+    for (key, corner) in [("lower", lower), ("upper", upper)] {
+        if (0..2).any(|axis| corner[axis] < inner[axis] - slack || corner[axis] > outer[axis] + slack) {
+            let message =
+                format!("`{path}.{key} = {corner:?}` is outside of the fluid: grains would start outside");
+            let help = format!("stay within `fluid.mesh`, from {inner:?} to {outer:?}");
+            return fail(scene, &format!("{path}.{key}"), message, help);
+        }
+    }
+    Ok(())
+}
+
+fn check_lattice(scene: &Scene, path: &str, lattice: &Lattice, group: &Grains) -> Checked {
+    let key = format!("{path}.spacing");
+    if lattice.spacing < 1.0 {
+        let message = format!("`{key} = {}` makes neighbours overlap", lattice.spacing);
+        return fail(scene, &key, message, "give 1 or more: it counts in largest diameters");
+    }
+    let diameter = 2.0 * group.radius.as_ref().map_or(0.0, Radius::largest);
+    let narrow = (0..2).find(|&axis| lattice.upper.0[axis] - lattice.lower.0[axis] < diameter * (1.0 - 1e-9));
+    match narrow {
+        None => Ok(()),
+        Some(axis) => {
+            let message = format!("`{path}.upper = {:?}`: the box holds no whole grain", lattice.upper.0);
+            let help = format!("make it at least {} m wide along axis {axis}", Rounded(diameter));
+            fail(scene, &format!("{path}.upper"), message, help)
+        }
+    }
+}
+
+/// The corners of the fluid, if it is a rectangle.
+fn bounds(scene: &Scene) -> Option<([f64; 2], [f64; 2])> {
+    match &scene.fluid.as_ref()?.mesh {
+        MeshSource::Rectangle(rectangle) => Some((rectangle.lower, rectangle.upper)),
+        MeshSource::File(_) => None,
+    }
+}
+
+/// Share of the smaller radius by which grains of a file may overlap: what rounding in the file does, and a little more.
+const OVERLAP: f64 = 0.02;
+
+/// Share of the radius by which a grain may overlap a wall or a grain of another group once all are placed: settling leaves
+/// small penetrations, a wrong box much more.
+const LEFT_BY_SETTLING: f64 = 0.25;
+
+/// Grains of a file lie inside the fluid, off the walls, and apart. Lines of the file: the header is the first.
+fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
+    let material = voidage_dem::Material::default();
+    let grains = read_table::<2>(file, 0, &[material]).map_err(|error| error.to_string())?;
+    let file = file.display();
+    for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
+        let outside = bounds(scene).is_some_and(|(lower, upper)| {
+            let reach = radius * (1.0 - OVERLAP);
+            (0..2).any(|axis| at[axis] - reach < lower[axis] || at[axis] + reach > upper[axis])
+        });
+        let cut =
+            scene.walls.iter().find(|wall| distance_to_wall(wall, at.x, at.y) < radius * (1.0 - OVERLAP));
+        let what = match (outside, cut) {
+            (true, _) => "is outside of the fluid".to_owned(),
+            (false, Some(wall)) => format!("overlaps the wall \"{}\"", wall.name),
+            (false, None) => continue,
+        };
+        return Err(format!(
+            "{file}, line {}: the grain at ({}, {}) of radius {radius} {what}",
+            i + 2,
+            at.x,
+            at.y
+        ));
+    }
+    match overlapping(&grains.position, &grains.radius, OVERLAP, |_, _| false) {
+        None => Ok(()),
+        Some((a, b, overlap)) => Err(format!(
+            "{file}, line {}: the grain overlaps that of line {} by {overlap:.3e} m",
+            b + 2,
+            a + 2
+        )),
+    }
+}
+
+/// Two grains that overlap by more than a share of the smaller radius, the first before the second, and by how much; pairs
+/// that are excused do not count. A sweep along x.
+fn overlapping(
+    positions: &[Vector<2>],
+    radii: &[f64],
+    share: f64,
+    excused: impl Fn(usize, usize) -> bool,
+) -> Option<(usize, usize, f64)> {
+    let mut order: Vec<usize> = (0..positions.len()).collect();
+    order.sort_by(|a, b| positions[*a].x.total_cmp(&positions[*b].x));
+    let reach = radii.iter().copied().fold(0.0, f64::max);
+    for (k, &a) in order.iter().enumerate() {
+        for &b in &order[k + 1..] {
+            let between = positions[b] - positions[a];
+            if between.x > radii[a] + reach {
+                break;
+            }
+            let overlap = radii[a] + radii[b] - between.norm();
+            if overlap > share * radii[a].min(radii[b]) && !excused(a, b) {
+                return Some((a.min(b), a.max(b), overlap));
+            }
+        }
+    }
+    None
+}
+
+fn distance_to_wall(wall: &Wall, x: f64, y: f64) -> f64 {
+    let [ax, ay] = [wall.from.0[0], wall.from.0[1]];
+    let [bx, by] = [wall.to.0[0] - ax, wall.to.0[1] - ay];
+    let along = ((x - ax) * bx + (y - ay) * by) / (bx * bx + by * by);
+    let along = along.clamp(0.0, 1.0);
+    (x - ax - along * bx).hypot(y - ay - along * by)
+}
+
+impl Scene {
+    /// Checks that grains of different groups do not overlap once all have been placed, and that no wall cuts one (placement
+    /// keeps the grains of a group apart). The error points at the group.
+    pub(crate) fn check_apart(&self, grains: &Particles<2>) -> Result<(), Error> {
+        let path = |grain: usize| format!("grains[{}].placement", grains.material[grain]);
+        let number =
+            |grain: usize| format!("at ({:.6}, {:.6})", grains.position[grain].x, grains.position[grain].y);
+        let one_group = |a: usize, b: usize| grains.material[a] == grains.material[b];
+        if let Some((a, b, overlap)) =
+            overlapping(&grains.position, &grains.radius, LEFT_BY_SETTLING, one_group)
+        {
+            let message = format!(
+                "`{}`: the grain {} overlaps that {} of `{}` by {overlap:.3e} m",
+                path(b),
+                number(b),
+                number(a),
+                path(a)
+            );
+            return Err(self.error(&path(b), message, "keep groups of grains apart"));
+        }
+        for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
+            let cuts = |wall: &&Wall| distance_to_wall(wall, at.x, at.y) < radius * (1.0 - LEFT_BY_SETTLING);
+            if let Some(wall) = self.walls.iter().find(cuts) {
+                let message =
+                    format!("`{}`: the grain {} overlaps the wall \"{}\"", path(i), number(i), wall.name);
+                return Err(self.error(&path(i), message, "place grains off the walls"));
+            }
+        }
+        Ok(())
+    }
+}

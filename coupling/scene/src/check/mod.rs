@@ -1,0 +1,231 @@
+//! What a scene must satisfy beyond its types. Every error names the key, the value and what is allowed.
+
+mod fluid;
+mod grains;
+
+use super::{Coordinates, Scene, SceneError};
+use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::relaxation::Relaxation;
+
+type Checked = Result<(), Box<SceneError>>;
+
+/// Checks that go before defaults are filled in: whether the tables fit together.
+pub(super) fn structure(scene: &Scene) -> Checked {
+    let dimension = scene.dimension();
+    if dimension != 2 {
+        let message = format!("`gravity` has {dimension} numbers");
+        return fail(
+            scene,
+            "gravity",
+            message,
+            "give 2 numbers: 3 dimensions are not available in this version",
+        );
+    }
+    if scene.coupling.is_some() && (scene.grains.is_empty() || scene.fluid.is_none()) {
+        let absent = if scene.fluid.is_none() { "fluid" } else { "grains" };
+        let message = format!("`[coupling]` is there, but no {absent}");
+        return fail(scene, "coupling", message, format!("add the {absent}, or take `[coupling]` away"));
+    }
+    if scene.grains.len() > 256 {
+        return fail(
+            scene,
+            "grains[256]",
+            format!("`grains` has {} groups", scene.grains.len()),
+            "give 256 at most",
+        );
+    }
+    if scene.contacts.is_some() && scene.grains.is_empty() {
+        return fail(
+            scene,
+            "contacts",
+            "`[contacts]` is there, but no grains",
+            "add `[[grains]]`, or take it away",
+        );
+    }
+    if scene.grains.is_empty() && scene.fluid.is_none() {
+        return fail(
+            scene,
+            "",
+            "the scene has neither grains nor a fluid",
+            "add `[[grains]]`, `[fluid]`, or both",
+        );
+    }
+    Ok(())
+}
+
+/// Checks of how the coupling iterates.
+fn iteration(scene: &Scene, iteration: &Iteration) -> Checked {
+    positive(scene, "coupling.iteration.tolerance", iteration.tolerance)?;
+    positive(scene, "coupling.iteration.most", iteration.most as f64)?;
+    match iteration.relaxation {
+        Relaxation::Constant(omega) if !(omega > 0.0 && omega <= 1.0) => {
+            let message = format!("`coupling.iteration.relaxation.constant` is {omega}");
+            fail(scene, "coupling.iteration.relaxation", message, "give a number above 0 and at most 1")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Checks of the walls, before those that follow a mesh are laid.
+pub(super) fn walls(scene: &Scene) -> Checked {
+    grains::walls(scene)
+}
+
+/// Checks of the values, with defaults filled in.
+pub(super) fn values(scene: &Scene) -> Checked {
+    time(scene)?;
+    if let Some(fluid) = &scene.fluid {
+        fluid::check(scene, fluid)?;
+    }
+    if let Some(coupling) = &scene.coupling {
+        iteration(scene, &coupling.iteration)?;
+        coupling.cut.map_or(Ok(()), |cut| positive(scene, "coupling.cut.travel", cut.travel))?;
+    }
+    grains::check(scene)?;
+    if scene.coupling.as_ref().is_some_and(|coupling| coupling.heat.is_some()) {
+        let sides = [("grains", scene.grains_have_heat()), ("fluid", scene.fluid_has_heat())];
+        if let Some((side, _)) = sides.iter().find(|(_, heat)| !heat) {
+            let message = format!("`coupling.heat` is there, but the {side} has no temperature");
+            let help = "give all `grains` a `temperature` and the fluid a `[fluid.heat]`, or take `coupling.heat` away";
+            return fail(scene, "coupling.heat", message, help);
+        }
+    }
+    output(scene)
+}
+
+fn time(scene: &Scene) -> Checked {
+    positive(scene, "time.step", scene.time.step)?;
+    positive(scene, "time.end", scene.time.end)?;
+    let (step, end) = (scene.time.step, scene.time.end);
+    if end < step * (1.0 - 1e-9) {
+        let message = format!("`time.end = {end}` is before the end of the first step");
+        return fail(scene, "time.end", message, format!("give at least one step of {step} s"));
+    }
+    if end / step > 1e12 {
+        let message = format!("`time.step = {step}` makes {:.0e} steps", end / step);
+        return fail(scene, "time.step", message, "give a larger step");
+    }
+    Ok(())
+}
+
+fn output(scene: &Scene) -> Checked {
+    let output = &scene.output;
+    let intervals = [
+        ("output.frame_interval", output.frame_interval),
+        ("output.series_interval", output.series_interval),
+        ("output.checkpoint_interval", output.checkpoint_interval),
+        ("output.average.interval", output.average.as_ref().and_then(|average| average.interval)),
+    ];
+    for (path, interval) in intervals {
+        interval.map_or(Ok(()), |interval| positive(scene, path, interval))?;
+    }
+    for (i, time) in output.snapshots.iter().enumerate() {
+        not_negative(scene, &format!("output.snapshots[{i}]"), *time)?;
+    }
+    if let Some(average) = &output.average {
+        if scene.grains.is_empty() {
+            let message = "`[output.average]` is there, but no grains";
+            return fail(scene, "output.average", message, "add `[[grains]]`, or take it away");
+        }
+        positive(scene, "output.average.cell", average.cell)?;
+        not_negative(scene, "output.average.from", average.from)?;
+        if average.to <= average.from {
+            let message =
+                format!("`output.average.to = {}` is not after `from = {}`", average.to, average.from);
+            return fail(scene, "output.average.to", message, "give a time after `from`");
+        }
+    }
+    if let Some(drop) = &output.pressure_drop {
+        let Some(fluid) = &scene.fluid else {
+            let message = "`[output.pressure_drop]` is there, but no fluid";
+            return fail(scene, "output.pressure_drop", message, "add `[fluid]`, or take it away");
+        };
+        for (path, name) in [("output.pressure_drop.from", &drop.from), ("output.pressure_drop.to", &drop.to)]
+        {
+            let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
+            known(scene, path, name, &names, "boundary of the fluid")?;
+        }
+    }
+    Ok(())
+}
+
+fn fail(scene: &Scene, path: &str, message: impl Into<String>, help: impl Into<String>) -> Checked {
+    Err(scene.origin.error(path, message, help))
+}
+
+fn positive(scene: &Scene, path: &str, value: f64) -> Checked {
+    if value > 0.0 {
+        return Ok(());
+    }
+    fail(scene, path, format!("`{path} = {value}` is not above 0"), "give a number above 0")
+}
+
+fn not_negative(scene: &Scene, path: &str, value: f64) -> Checked {
+    if value >= 0.0 {
+        return Ok(());
+    }
+    fail(scene, path, format!("`{path} = {value}` is below 0"), "give 0 or more")
+}
+
+fn within(scene: &Scene, path: &str, value: f64, low: f64, high: f64) -> Checked {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    let message = format!("`{path} = {value}` is out of range");
+    fail(scene, path, message, format!("give a number from {low} to {high}"))
+}
+
+/// A relative tolerance: a residual of 1 is what no solution at all has, so that a tolerance near it solves nothing.
+fn tolerance(scene: &Scene, path: &str, value: f64, most: f64) -> Checked {
+    if value > 0.0 && value <= most {
+        return Ok(());
+    }
+    let message = format!("`{path} = {value:?}` is out of range");
+    fail(scene, path, message, format!("give a number above 0, at most {most}"))
+}
+
+fn known(scene: &Scene, path: &str, name: &str, names: &[&str], what: &str) -> Checked {
+    if names.contains(&name) {
+        return Ok(());
+    }
+    let help = if names.is_empty() {
+        "there are none".to_owned()
+    } else {
+        format!("there are: {}", names.join(", "))
+    };
+    fail(scene, path, format!("`{path} = \"{name}\"` is no {what}"), help)
+}
+
+fn coordinates(scene: &Scene, path: &str, value: &Coordinates) -> Checked {
+    let (have, want) = (value.0.len(), scene.dimension());
+    if have == want {
+        return Ok(());
+    }
+    let message = format!("`{path} = {:?}` has {have} numbers", value.0);
+    fail(scene, path, message, format!("give {want} numbers, as many as `gravity` has"))
+}
+
+/// Two corners in the right order.
+fn corners(scene: &Scene, path: &str, lower: &[f64], upper: &[f64]) -> Checked {
+    match lower.iter().zip(upper).position(|(low, high)| low >= high) {
+        None => Ok(()),
+        Some(axis) => {
+            let message =
+                format!("`{path}.upper = {upper:?}` is not above `lower = {lower:?}` along axis {axis}");
+            fail(
+                scene,
+                &format!("{path}.upper"),
+                message,
+                "give an upper corner above and right of the lower one",
+            )
+        }
+    }
+}
+
+/// A wall or side is no point.
+fn distinct(scene: &Scene, path: &str, from: &Coordinates, to: &Coordinates) -> Checked {
+    if from != to {
+        return Ok(());
+    }
+    fail(scene, path, format!("`{path} = {:?}` is also the first end", to.0), "give two different points")
+}

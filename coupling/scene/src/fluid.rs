@@ -1,0 +1,319 @@
+//! The tables of the fluid, its boundaries, and its coupling to the grains.
+
+use super::{Backend, Coordinates};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use voidage_coupling::closure::{Drag, HeatTransfer, VoidageFunction};
+use voidage_coupling::remesh::Remesh;
+use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::cut::Cutting;
+use voidage_coupling::scheme::iterated::Iteration;
+use voidage_fluid::mesh::Rectangle;
+
+/// The fluid: volume-averaged Navier-Stokes on a mesh.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fluid {
+    /// Density, kg/m3. Above 0.
+    pub density: f64,
+    /// Dynamic viscosity, Pa s. Above 0.
+    pub viscosity: f64,
+    /// Velocity at the start, m/s. Default: at rest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_velocity: Option<Coordinates>,
+    /// Time over which prescribed velocities grow linearly from 0, s. Default 0: they are there from the start.
+    #[serde(default)]
+    pub ramp: f64,
+    /// Where the mesh comes from: `{rectangle = {..}}` or `{file = "name.msh"}`.
+    pub mesh: MeshSource,
+    /// How the mesh moves. Default: it stands still.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh_motion: Option<MeshMotion>,
+    /// Temperature of the fluid. Default: none, the fluid has no temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<FluidHeat>,
+    /// Further scalars that the fluid carries: tracers, a concentration. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scalars: Vec<FluidScalar>,
+    /// Drag and heat of the front and rear walls of a thin cell (plane only). Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thin_cell: Option<ThinCell>,
+    /// Conditions by name of boundary; where two meet the later one wins. Every boundary of the mesh needs one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub boundaries: Vec<Boundary>,
+    /// How the equations are solved. Default: the defaults of its keys.
+    #[serde(default)]
+    pub solver: FluidSolver,
+    /// Which program solves them. Default: the Rust solver in the process of the grains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backend: Option<Backend>,
+}
+
+/// Where the mesh comes from.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MeshSource {
+    /// A rectangle, meshed here.
+    Rectangle(Rectangle),
+    /// A Gmsh .msh file (format 4.1) with physical names, path relative to the scene.
+    File(PathBuf),
+}
+
+/// A mesh that oscillates: each node by its weight times `amplitude sin(2 pi frequency t)`. The weight is 1 on the boundary
+/// that moves, 0 on the others, smooth between. Walls without slip take the fluid along with their nodes, walls with slip
+/// push it; walls that the grains meet (`[[walls]]`) move by laws of their own.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshMotion {
+    /// Largest displacement, m. Without `remesh` no cell may turn over on the way.
+    pub amplitude: Coordinates,
+    /// Frequency, 1/s. Above 0.
+    pub frequency: f64,
+    /// Name of the part of the boundary that moves. Default: none, the nodes inside the mesh move alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boundary: Option<String>,
+    /// When the domain is remeshed within its boundary. Default: never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remesh: Option<Remesh>,
+}
+
+/// Temperature of the fluid.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FluidHeat {
+    /// Heat capacity at constant pressure, J/(kg K). Above 0.
+    pub heat_capacity: f64,
+    /// Thermal conductivity, W/(m K). Above 0.
+    pub conductivity: f64,
+    /// Thermal expansion coefficient of the Boussinesq buoyancy, 1/K. Default 0: no buoyancy.
+    #[serde(default)]
+    pub expansion: f64,
+    /// Temperature at which the buoyancy is zero, K. Default: the initial temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_temperature: Option<f64>,
+    /// Temperature at the start, K.
+    pub initial_temperature: f64,
+    /// How the equation is discretised: `"consistent"` (as Henry et al.), `"lumped"` or `"monotone"`. Default `"consistent"`.
+    #[serde(default)]
+    pub form: Form,
+}
+
+/// How the equation of a scalar is discretised.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// The consistent form of Henry et al., with streamline diffusion.
+    #[default]
+    Consistent,
+    /// Storage and exchange are summed into the diagonal, so that temperatures stay between those of
+    /// grains, walls and inflow where the exchange is strong.
+    Lumped,
+    /// Values never leave the range of those around them, also at fronts that the flow carries: lumped, with the
+    /// diffusion between neighbours that this takes in place of the streamline diffusion, which lets fronts overshoot. Smears
+    /// fronts more.
+    Monotone,
+}
+
+/// A scalar s that the fluid carries and spreads, eps Ds/Dt = div(eps diffusivity grad s).
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FluidScalar {
+    /// Its name, in conditions and output. Letters, digits and `_`.
+    pub name: String,
+    /// Diffusivity, m2/s. Above 0.
+    pub diffusivity: f64,
+    /// Value at the start. Default 0.
+    #[serde(default)]
+    pub initial: f64,
+    /// Expansion coefficient of the Boussinesq buoyancy, per unit of the scalar. Default 0: no buoyancy.
+    #[serde(default)]
+    pub expansion: f64,
+    /// Value at which the buoyancy is zero. Default: the initial value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<f64>,
+    /// How the equation is discretised: `"consistent"`, `"lumped"` or `"monotone"`. Default `"consistent"`.
+    #[serde(default)]
+    pub form: Form,
+}
+
+/// Front and rear walls of a thin cell, averaged over its thickness.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ThinCell {
+    /// Drag coefficient per volume, kg/(m3 s): `12 viscosity / thickness^2` for a Poiseuille profile.
+    pub drag: f64,
+    /// Heat exchanged with the two walls. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<ThinCellHeat>,
+}
+
+/// Heat exchanged with the front and rear walls of a thin cell.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ThinCellHeat {
+    /// Coefficient per volume, W/(m3 K).
+    pub coefficient: f64,
+    /// Temperature of the walls, K.
+    pub temperature: f64,
+}
+
+/// The conditions on one named part of the boundary.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Boundary {
+    /// Name of the part, as the mesh has it.
+    pub name: String,
+    /// Condition of the flow: `{velocity = [..]}`, `{superficial_velocity = [..]}`, `"no-slip"`, `"slip"` or
+    /// `{open = {pressure = 0.0}}`, in short `"open"`.
+    pub flow: Flow,
+    /// Condition of the temperature: `{temperature = T}`, `{newton = {coefficient = h, temperature = T}}`,
+    /// `"adiabatic"` or `{open = {temperature = T}}`. Default: adiabatic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<HeatBoundary>,
+    /// Conditions of other scalars by name: `{tracer = {value = 1.0}}`, `{transfer = {coefficient = h, outside = s}}`,
+    /// `"insulated"` or `{outflow = {outside = s}}`, in short `"outflow"`. Default: insulated.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub scalars: BTreeMap<String, ScalarBoundary>,
+}
+
+/// Condition of the flow.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Flow {
+    /// Prescribed interstitial velocity, m/s.
+    Velocity(Coordinates),
+    /// Prescribed velocity times voidage, m/s.
+    #[serde(rename = "superficial_velocity")]
+    SuperficialVelocity(Coordinates),
+    /// The fluid stands at the wall.
+    NoSlip,
+    /// The fluid slides along the wall.
+    Slip,
+    /// Open to an outer pressure; fluid may leave and enter.
+    Open {
+        /// Outer pressure, Pa. Default 0.
+        #[serde(default)]
+        pressure: f64,
+    },
+}
+
+/// Condition of the temperature.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum HeatBoundary {
+    /// Prescribed temperature, K.
+    Temperature(f64),
+    /// Newton cooling.
+    Newton {
+        /// Heat-transfer coefficient, W/(m2 K).
+        coefficient: f64,
+        /// Temperature outside, K.
+        temperature: f64,
+    },
+    /// No heat passes.
+    Adiabatic,
+    /// Heat leaves with the fluid.
+    Open {
+        /// Temperature of fluid that enters, K. Default: fluid enters with the temperature it has at the boundary.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        temperature: Option<f64>,
+    },
+}
+
+/// Condition of a scalar.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ScalarBoundary {
+    /// Prescribed value.
+    Value(f64),
+    /// Transfer from outside.
+    Transfer {
+        /// Transfer coefficient, m/s. At least 0.
+        coefficient: f64,
+        /// Value outside.
+        outside: f64,
+    },
+    /// Nothing passes.
+    Insulated,
+    /// The scalar leaves with the fluid.
+    Outflow {
+        /// Value of fluid that enters. Default: fluid enters with the value it has at the boundary.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        outside: Option<f64>,
+    },
+}
+
+/// How the equations of the fluid are solved.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FluidSolver {
+    /// Linear solver. Default `"auto"`: the fastest for the dimension.
+    pub linear: LinearMethod,
+    /// Relative residual of the linear systems. Above 0, at most 1e-2: with more, fields of the wrong size count as solved. Default
+    /// 1e-8.
+    pub tolerance: f64,
+    /// Newton iterations per time step. Default 1.
+    pub newton: usize,
+    /// Whether the drag enters the stabilisation parameter of the momentum equation. Default false.
+    pub drag_in_stabilisation: bool,
+}
+
+impl Default for FluidSolver {
+    fn default() -> Self {
+        FluidSolver { linear: LinearMethod::Auto, tolerance: 1e-8, newton: 1, drag_in_stabilisation: false }
+    }
+}
+
+/// Linear solvers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum LinearMethod {
+    /// The fastest for the dimension.
+    Auto,
+    /// A new factorisation in every step: the safe mode.
+    Direct,
+    /// GMRES with factors kept over the steps as preconditioner.
+    Kept,
+    /// GMRES with an incomplete factorisation as preconditioner.
+    Ilu,
+}
+
+/// How grains and fluid act on each other.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Coupling {
+    /// Coupling scheme: `"iterated"` (fluid and grains in turn until they agree), `"anchored"` (the same, once), `"henry"`
+    /// (predicted velocity with the last contact force), `"henry-free"` (without it), `"lagged"` or `"explicit"`.
+    /// Default `"iterated"`.
+    pub scheme: SchemeName,
+    /// When and how the scheme `"iterated"` goes on. Default: the defaults of its keys.
+    pub iteration: Iteration,
+    /// Steps in parts: a step in which a grain moves further than `travel`, or in which the scheme `"iterated"` does not reach its
+    /// tolerance, is done in halves, quarters and so on down to 1/64. `{}` takes the default of `travel`. Default: steps are whole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut: Option<Cutting>,
+    /// Drag law: `"dallavalle"` (times the voidage function) or `"gidaspow"`. Default `"dallavalle"`.
+    pub drag: Drag,
+    /// Voidage function of drag and heat: `"henry"`, `"henry-interstitial"`, `"di-felice"`, `"migflow"` or `"none"`.
+    /// Default `"henry"`.
+    pub voidage_function: VoidageFunction,
+    /// Law of the heat that grains and fluid exchange: `"henry"` (times the voidage function), `"gunn"`,
+    /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heat: Option<HeatTransfer>,
+}
+
+impl Default for Coupling {
+    fn default() -> Self {
+        Coupling {
+            scheme: SchemeName::default(),
+            iteration: Iteration::default(),
+            cut: None,
+            drag: Drag::Dallavalle,
+            voidage_function: VoidageFunction::Henry,
+            heat: None,
+        }
+    }
+}

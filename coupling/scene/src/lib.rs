@@ -1,0 +1,135 @@
+//! Scenes: what a run reads, the systems that they describe ([`build`]), and runs of them ([`Simulation`], [`recorder`]). TOML, SI units (in the plane everything is per metre of depth).
+//!
+//! The structs below are the documentation of the file: every key says its meaning, unit and default, and
+//! `voidage schema` prints them. Physics that a scene does not mention is off: no `[[grains]]`, no grains; no
+//! `[fluid]`, no mesh; no `[fluid.heat]`, no temperature in the fluid.
+
+mod along;
+pub mod build;
+mod check;
+pub mod compare;
+pub mod document;
+mod edit;
+mod fluid;
+mod grains;
+mod load;
+mod origin;
+mod output;
+pub mod placing;
+pub mod recorder;
+mod schema;
+pub mod simulation;
+#[cfg(test)]
+mod tests;
+pub mod totals;
+
+pub use fluid::{
+    Boundary, Coupling, Flow, Fluid, FluidHeat, FluidScalar, FluidSolver, Form, HeatBoundary, LinearMethod,
+    MeshMotion, MeshSource, ScalarBoundary, ThinCell, ThinCellHeat,
+};
+pub use grains::{
+    Amount, Arrangement, Cohesion, Conduction, Contacts, Deposit, Grains, GrainsFile, Lattice, Material,
+    Method, Motion, Oscillation, Placement, Radius, RandomBox, Rotation, Wall,
+};
+pub use origin::Origin;
+pub use output::{Average, Output, PressureDrop};
+pub use schema::json_schema;
+pub use simulation::Simulation;
+pub use voidage_coupling::error::{Place, SceneError};
+pub use voidage_remote::solver::{Backend, Solver, Transport};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A whole scene.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// What the scene shows, one line. Default: empty.
+    #[serde(default)]
+    pub title: String,
+    /// Gravity, m/s2; its length (2 or 3) is the dimension of the scene.
+    pub gravity: Coordinates,
+    /// Step and end of the run.
+    pub time: Time,
+    /// Materials of grains and walls, by name. Default: none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub materials: BTreeMap<String, Material>,
+    /// Groups of grains, in the order in which they are numbered. Default: none, and then nothing of the grains is built.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grains: Vec<Grains>,
+    /// Walls that the grains meet (the fluid has its own boundaries). Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub walls: Vec<Wall>,
+    /// How contacts between grains are solved. Default: the defaults of its keys when there are grains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contacts: Option<Contacts>,
+    /// The fluid. Default: none, and then no mesh is built.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fluid: Option<Fluid>,
+    /// How grains and fluid act on each other. Default: the defaults of its keys when there are grains and a fluid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coupling: Option<Coupling>,
+    /// What the run records. Default: the defaults of its keys.
+    #[serde(default)]
+    pub output: Output,
+    /// Where the scene was read from: errors point into it.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub origin: Origin,
+}
+
+/// A point or a vector of the plane or of space, as a list of 2 or 3 numbers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct Coordinates(
+    /// The numbers.
+    pub Vec<f64>,
+);
+
+impl Coordinates {
+    /// Whether none are given.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The same as a vector of `D` numbers; numbers that are missing are zero (validation has checked the length).
+    pub fn vector<const D: usize>(&self) -> nalgebra::SVector<f64, D> {
+        nalgebra::SVector::from_fn(|i, _| self.0.get(i).copied().unwrap_or(0.0))
+    }
+}
+
+/// Step and end of the run.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Time step, s. Above 0.
+    pub step: f64,
+    /// Time at which the run ends, s. At least one step.
+    pub end: f64,
+}
+
+impl Time {
+    /// The number of steps that end at or just after `end` (rounding errors of the division forgiven).
+    pub fn steps(&self) -> u64 {
+        (self.end / self.step * (1.0 - 1e-12)).ceil() as u64
+    }
+}
+
+impl Scene {
+    /// Number of space dimensions: the length of `gravity`.
+    pub fn dimension(&self) -> usize {
+        self.gravity.0.len()
+    }
+
+    /// Whether grains have temperatures.
+    pub fn grains_have_heat(&self) -> bool {
+        self.grains.iter().any(|group| group.temperature.is_some())
+    }
+
+    /// Whether the fluid has a temperature.
+    pub fn fluid_has_heat(&self) -> bool {
+        self.fluid.as_ref().is_some_and(|fluid| fluid.heat.is_some())
+    }
+}

@@ -1,0 +1,121 @@
+//! From a file to a checked scene, and back.
+
+use super::document::{self, fill};
+use super::edit::edit;
+use super::{Contacts, Coupling, MeshSource, Placement, Scene, check};
+use std::fs;
+use std::path::{Path, PathBuf};
+use voidage_coupling::closure::HeatTransfer;
+use voidage_coupling::error::{Error, Result};
+use voidage_coupling::error::{Place, SceneError};
+
+impl Scene {
+    /// Reads a scene, changes it by options `key=value`, fills in the defaults, and checks it.
+    pub fn read(file: &Path, sets: &[String]) -> Result<Scene> {
+        let text = fs::read_to_string(file).map_err(|error| {
+            Error::Input(format!(
+                "{}: cannot read the scene: {error}\n  help: give the path of a scene file, such as \
+                 cases/bubbling-bed/scene.toml",
+                file.display()
+            ))
+        })?;
+        Ok(Scene::parse(file, &text, sets)?)
+    }
+
+    /// The same from a text; `file` is named in errors, and its folder is where paths start.
+    pub fn parse(file: &Path, text: &str, sets: &[String]) -> std::result::Result<Scene, Box<SceneError>> {
+        let (mut document, mut origin) = document::parse::<Scene>(file, text)?;
+        let mut scene: Scene =
+            fill(&document).map_err(|fault| origin.error(&fault.path, fault.message, fault.help))?;
+        for option in sets {
+            let place = Place::Set(option.clone());
+            let edit =
+                edit(&document, option).map_err(|(message, help)| origin.at(place.clone(), message, help))?;
+            (scene, document) = match (fill(&edit.inserted), fill(&edit.replaced)) {
+                (Ok(scene), _) => (scene, edit.inserted),
+                (Err(_), Ok(scene)) => (scene, edit.replaced),
+                // Beside another choice the new one cannot be read; in its place it may be wrong for a reason of its own.
+                (Err(first), Err(alone)) => {
+                    let fault = if first.message.contains(", where one is chosen") { alone } else { first };
+                    return Err(origin.at(place, fault.message, fault.help));
+                }
+            };
+            origin.sets.push((edit.path, option.clone()));
+            document::finite::<Scene>(&document, &origin)?;
+        }
+        scene.origin = origin;
+        check::structure(&scene)?;
+        scene.resolve();
+        check::walls(&scene)?;
+        scene.lay_walls()?;
+        check::values(&scene)?;
+        Ok(scene)
+    }
+
+    /// Fills in what follows from the rest of the scene, and makes paths independent of the folder.
+    fn resolve(&mut self) {
+        let heat = self.grains_have_heat() && self.fluid_has_heat();
+        if !self.grains.is_empty() {
+            self.contacts.get_or_insert_with(Contacts::default);
+            if self.fluid.is_some() {
+                let coupling = self.coupling.get_or_insert_with(Coupling::default);
+                if heat {
+                    coupling.heat.get_or_insert(HeatTransfer::Henry);
+                }
+            }
+        }
+        let folder = fs::canonicalize(self.origin.folder()).unwrap_or_else(|_| PathBuf::from("."));
+        let folder = if self.origin.folder().as_os_str().is_empty() {
+            std::env::current_dir().unwrap_or(folder)
+        } else {
+            folder
+        };
+        for file in self.files_mut() {
+            *file = folder.join(&*file);
+        }
+        if let Some(heat) = self.fluid.as_mut().and_then(|fluid| fluid.heat.as_mut()) {
+            heat.reference_temperature.get_or_insert(heat.initial_temperature);
+        }
+    }
+
+    fn files_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let mesh = self.fluid.as_mut().and_then(|fluid| match &mut fluid.mesh {
+            MeshSource::File(file) => Some(file),
+            MeshSource::Rectangle(_) => None,
+        });
+        let grains = self.grains.iter_mut().filter_map(|group| match &mut group.placement {
+            Placement::Csv(csv) => Some(&mut csv.file),
+            _ => None,
+        });
+        grains.chain(mesh)
+    }
+
+    /// The scene as it runs, with all defaults, as TOML.
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string(self).map_err(|error| Error::Run(format!("cannot write the scene as TOML: {error}")))
+    }
+
+    /// A hash (blake3, hexadecimal) of all that decides the course of the run: the scene without its title, its end, the overlap that ends it,
+    /// its output and the program that solves the fluid, and the content of the files it names. Equal hashes: a checkpoint of one restarts the other.
+    pub fn hash(&self) -> Result<String> {
+        let mut bare = self.clone();
+        bare.title = String::new();
+        bare.time.end = 0.0;
+        bare.contacts.iter_mut().for_each(|contacts| contacts.max_penetration = 0.0);
+        bare.output = super::Output::default();
+        bare.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
+        let mut hasher = blake3::Hasher::new();
+        for file in bare.files_mut() {
+            hasher.update(&fs::read(&*file).map_err(|error| Error::file(file, "read", error))?);
+            *file = PathBuf::new();
+        }
+        hasher.update(bare.to_toml()?.as_bytes());
+        Ok(hasher.finalize().to_hex().to_string())
+    }
+
+    /// An error that points at a key of the scene, such as `fluid.boundaries[0].name`; for checks that need more than
+    /// the scene (a mesh, say).
+    pub fn error(&self, path: &str, message: impl Into<String>, help: impl Into<String>) -> Error {
+        self.origin.error(path, message, help).into()
+    }
+}

@@ -1,0 +1,302 @@
+//! Grains in their first places: by the placement of their group, watched, and beds kept for the next run.
+
+use crate as scene;
+use crate::build;
+use crate::recorder::{create_folder, write_whole};
+use crate::{Coordinates, Placement, Scene};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use voidage_coupling::error::{Error, Result};
+use voidage_dem::packing::{self, Amount, Fill, Progress, Radii, Region, Settled};
+use voidage_dem::{ContactForce, Material, Particles, Partner, Settings, Vector, Wall};
+
+/// Told the number of the group and how far its placement is, many times a second; may end it.
+pub type Observer<'a> = dyn FnMut(usize, Progress) -> ControlFlow<()> + 'a;
+
+/// Who watches grains being placed, and where beds are kept.
+pub struct Placing<'a> {
+    folder: Option<PathBuf>,
+    observer: Box<Observer<'a>>,
+    /// The beds poured so far.
+    pub beds: Vec<Bed>,
+}
+
+/// A bed that was poured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Bed {
+    /// Number of the group.
+    pub group: usize,
+    /// Number of grains.
+    pub grains: usize,
+    /// Share of the bed that discs cover, away from its surface.
+    pub solid_fraction: f64,
+    /// Whether it came to rest; none if it was to stay as it was built.
+    pub at_rest: Option<bool>,
+    /// Steps of the contact solver.
+    pub steps: usize,
+    /// Root mean square of the velocities that were left, m/s.
+    pub speed: f64,
+    /// File of an earlier run that it was taken from.
+    #[serde(skip)]
+    pub taken_from: Option<PathBuf>,
+}
+
+impl fmt::Display for Bed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Bed { group, grains, solid_fraction, steps, speed, .. } = self;
+        write!(f, "grains[{group}]: {grains} deposited, solid fraction {solid_fraction:.3}, ")?;
+        match self.at_rest {
+            Some(true) => write!(f, "at rest after {steps} steps")?,
+            Some(false) => write!(f, "not at rest after {steps} steps: {speed:.1e} m/s are left")?,
+            None => write!(f, "as built, not settled")?,
+        }
+        self.taken_from.as_ref().map_or(Ok(()), |file| write!(f, " (kept in {})", file.display()))
+    }
+}
+
+/// The grains of a group, and the forces of the bed that they are.
+pub(crate) struct Placed {
+    pub grains: Particles<2>,
+    pub forces: Vec<ContactForce<2>>,
+}
+
+/// What is kept beside the tables of a bed.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    /// Hash of all that determines the bed.
+    hash: String,
+    /// Hash of both tables.
+    tables: String,
+    bed: Bed,
+}
+
+/// A row of the table of forces: grains and walls by number, N per metre of depth, on the other grain or the wall.
+#[derive(Serialize, Deserialize)]
+struct Row {
+    grain: u32,
+    other_grain: Option<u32>,
+    wall: Option<u32>,
+    force_x: f64,
+    force_y: f64,
+}
+
+/// All that determines a bed.
+#[derive(Serialize)]
+struct Recipe<'a> {
+    /// Of this program; a bed of another version is made anew.
+    version: &'static str,
+    radius: &'a Option<scene::Radius>,
+    amount: &'a scene::Amount,
+    solidity: f64,
+    placement: &'a Placement,
+    material: &'a scene::Material,
+    contacts: &'a Option<scene::Contacts>,
+    walls: Vec<Wall<2>>,
+    gravity: f64,
+}
+
+impl<'a> Placing<'a> {
+    /// Nobody watches, nothing is kept.
+    pub fn alone() -> Self {
+        Self::new(None, |_, _| ControlFlow::Continue(()))
+    }
+
+    /// Beds are kept in `folder`, and taken from there when nothing has changed that determines them.
+    pub fn new(folder: Option<&Path>, observer: impl FnMut(usize, Progress) -> ControlFlow<()> + 'a) -> Self {
+        Self { folder: folder.map(Path::to_path_buf), observer: Box::new(observer), beds: vec![] }
+    }
+
+    /// The grains of a group; `materials` are those of the groups up to it.
+    pub(crate) fn place(&mut self, scene: &Scene, k: usize, materials: &[Material]) -> Result<Placed> {
+        let group = &scene.grains[k];
+        let fill = fill(group, k as u8, materials);
+        let observer = &mut |progress: Progress| (self.observer)(k, progress);
+        let placed = match &group.placement {
+            Placement::Deposit(d) => return self.bed(scene, k, d, &fill(d.seed)),
+            Placement::Lattice(l) => {
+                packing::lattice(&region(&l.lower, &l.upper), kind(l), l.spacing, &fill(l.seed))
+            }
+            Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed), observer),
+            Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
+        };
+        let grains = placed.map_err(|error| wrong(scene, k, error))?;
+        Ok(Placed { grains, forces: vec![] })
+    }
+
+    /// A bed, kept or new.
+    fn bed(&mut self, scene: &Scene, k: usize, d: &scene::Deposit, fill: &Fill<'_>) -> Result<Placed> {
+        let file = self.folder.as_ref().map(|folder| folder.join(format!("packing-{k}.csv")));
+        let hash = hash(scene, k)?;
+        if let Some((bed, placed)) = file.as_ref().and_then(|file| take(file, &hash, fill)) {
+            self.beds.push(Bed { group: k, taken_from: file, ..bed });
+            return Ok(placed);
+        }
+        let observer = &mut |progress: Progress| (self.observer)(k, progress);
+        let how = deposit(scene, d);
+        let settled = packing::deposit(&region(&d.lower, &d.upper), fill, &how, observer)
+            .map_err(|error| wrong(scene, k, error))?;
+        let Settled { particles, forces, steps, speed, at_rest, solid_fraction, .. } = settled;
+        let at_rest = d.settle.then_some(at_rest);
+        let grains = particles.len();
+        let bed = Bed { group: k, grains, solid_fraction, at_rest, steps, speed, taken_from: None };
+        let placed = Placed { grains: particles, forces };
+        if let Some(file) = &file {
+            keep(file, hash, &bed, &placed)?;
+        }
+        self.beds.push(bed);
+        Ok(placed)
+    }
+}
+
+/// How a bed of the scene is deposited.
+fn deposit(scene: &Scene, d: &scene::Deposit) -> packing::Deposit {
+    let default = packing::Deposit::default();
+    let contacts = scene.contacts.clone().unwrap_or_default();
+    let settings = build::settings(scene, &contacts);
+    packing::Deposit {
+        method: match d.method {
+            scene::Method::DropAndRoll => packing::Method::DropAndRoll,
+            scene::Method::Dense => packing::Method::Dense,
+        },
+        friction: d.friction,
+        rotation: contacts.rotation,
+        walls: scene.walls.iter().map(|wall| build::wall(scene, wall)).collect(),
+        // Grains that settle need no accurate forces on the way.
+        settings: Settings { max_sweeps: settings.max_sweeps.min(default.settings.max_sweeps), ..settings },
+        max_steps: if d.settle { default.max_steps } else { 0 },
+        ..default
+    }
+}
+
+/// An error if the grains of a group surely do not fit in their box, or are fewer than one; nothing is placed.
+pub(crate) fn check(scene: &Scene, k: usize) -> Result<()> {
+    let group = &scene.grains[k];
+    let materials = [build::material(&scene.materials[&group.material], group.solidity)];
+    let fill = fill(group, 0, &materials);
+    let checked = match &group.placement {
+        Placement::Deposit(d) => packing::check_deposit(&region(&d.lower, &d.upper), &fill(d.seed)),
+        Placement::Lattice(l) => {
+            packing::check_lattice(&region(&l.lower, &l.upper), kind(l), l.spacing, &fill(l.seed))
+        }
+        Placement::Random(r) => packing::check_random(&region(&r.lower, &r.upper), &fill(r.seed)),
+        Placement::Csv(_) => Ok(()),
+    };
+    checked.map_err(|error| wrong(scene, k, error))
+}
+
+fn region(lower: &Coordinates, upper: &Coordinates) -> Region<2> {
+    Region { low: lower.vector(), high: upper.vector() }
+}
+
+fn kind(lattice: &scene::Lattice) -> packing::Lattice {
+    match lattice.arrangement {
+        scene::Arrangement::Square => packing::Lattice::Square,
+        scene::Arrangement::Triangular => packing::Lattice::Triangular,
+    }
+}
+
+/// What to fill a region with, by the seed.
+fn fill<'a>(
+    group: &scene::Grains,
+    material: u8,
+    materials: &'a [Material],
+) -> impl Fn(u64) -> Fill<'a> + use<'a> {
+    let radii = match group.radius {
+        Some(scene::Radius::Uniform([min, max])) => Radii::Uniform { min, max },
+        Some(scene::Radius::Constant(radius)) => Radii::Constant(radius),
+        None => Radii::List(Vec::new()),
+    };
+    let amount = match group.amount {
+        scene::Amount::Count(count) => Amount::Count(count),
+        scene::Amount::Mass(mass) => Amount::Mass(mass),
+        scene::Amount::Fill => Amount::Fill,
+    };
+    move |seed| Fill { radii: radii.clone(), amount, material, materials, seed }
+}
+
+/// The error of a placement, with its place in the scene.
+fn wrong(scene: &Scene, k: usize, error: voidage_dem::Error) -> Error {
+    if matches!(error, voidage_dem::Error::Interrupted) {
+        return Error::Interrupted;
+    }
+    let path = format!("grains[{k}].placement");
+    scene.error(&path, format!("`{path}`: {error}"), "change the box, the amount or the radius")
+}
+
+fn hash(scene: &Scene, k: usize) -> Result<String> {
+    let group = &scene.grains[k];
+    let recipe = Recipe {
+        version: env!("CARGO_PKG_VERSION"),
+        radius: &group.radius,
+        amount: &group.amount,
+        solidity: group.solidity,
+        placement: &group.placement,
+        material: &scene.materials[&group.material],
+        contacts: &scene.contacts,
+        walls: scene.walls.iter().map(|wall| build::wall(scene, wall)).collect(),
+        gravity: scene.gravity.vector::<2>().norm(),
+    };
+    let text =
+        serde_json::to_vec(&recipe).map_err(|error| Error::Run(format!("cannot hash a bed: {error}")))?;
+    Ok(blake3::hash(&text).to_hex().to_string())
+}
+
+/// The files beside the table of a bed: what says what it is of, and its forces.
+fn label(table: &Path) -> PathBuf {
+    table.with_extension("json")
+}
+
+fn table_of_forces(table: &Path) -> PathBuf {
+    table.with_extension("forces.csv")
+}
+
+/// Hash of the tables of a bed.
+fn hash_of_tables(table: &Path) -> std::io::Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&fs::read(table)?);
+    hasher.update(&fs::read(table_of_forces(table))?);
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// A kept bed, if it is whole and of this hash.
+fn take(table: &Path, hash: &str, fill: &Fill<'_>) -> Option<(Bed, Placed)> {
+    let kept: Kept = serde_json::from_slice(&fs::read(label(table)).ok()?).ok()?;
+    if kept.hash != hash || kept.tables != hash_of_tables(table).ok()? {
+        return None;
+    }
+    let grains = packing::read_table(table, fill.material, fill.materials).ok()?;
+    let mut reader = csv::Reader::from_path(table_of_forces(table)).ok()?;
+    let force = |row: Row| {
+        let partner = row.other_grain.map(Partner::Grain).or(row.wall.map(Partner::Wall))?;
+        Some(ContactForce { grain: row.grain, partner, force: Vector::<2>::new(row.force_x, row.force_y) })
+    };
+    let forces = reader.deserialize().map(|row| force(row.ok()?)).collect::<Option<_>>()?;
+    Some((kept.bed, Placed { grains, forces }))
+}
+
+/// Keeps a bed; the tables first, so that the label never speaks of another one.
+fn keep(table: &Path, hash: String, bed: &Bed, placed: &Placed) -> Result<()> {
+    table.parent().map_or(Ok(()), create_folder)?;
+    packing::write_table(table, &placed.grains)?;
+    let forces = table_of_forces(table);
+    write_forces(&forces, &placed.forces).map_err(|error| Error::file(&forces, "write", error.into()))?;
+    let tables = hash_of_tables(table).map_err(|error| Error::file(table, "read", error))?;
+    let kept = Kept { hash, tables, bed: bed.clone() };
+    write_whole(&label(table), |file| serde_json::to_writer_pretty(file, &kept).map_err(Into::into))
+}
+
+fn write_forces(path: &Path, forces: &[ContactForce<2>]) -> csv::Result<()> {
+    let mut writer = csv::Writer::from_path(path)?;
+    for f in forces {
+        let (other_grain, wall) = match f.partner {
+            Partner::Grain(grain) => (Some(grain), None),
+            Partner::Wall(wall) => (None, Some(wall)),
+        };
+        let [force_x, force_y] = f.force.into();
+        writer.serialize(Row { grain: f.grain, other_grain, wall, force_x, force_y })?;
+    }
+    Ok(writer.flush()?)
+}

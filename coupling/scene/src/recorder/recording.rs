@@ -1,0 +1,278 @@
+//! All files of one run, written when they are due.
+
+use super::{
+    Averages, Checkpoint, Collection, Column, FluidView, GrainView, Series, Stamp, View, create_folder,
+    with_unit, write_grains, write_mesh, write_whole,
+};
+use crate::{Output, Scene};
+use serde::Serialize;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+use voidage_coupling::error::Result;
+
+/// Name of the checkpoint in the folder of a run.
+pub const CHECKPOINT: &str = "checkpoint.voidage";
+
+/// What is due at a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Due {
+    /// A row of the time series.
+    pub series: bool,
+    /// A ParaView frame.
+    pub frame: bool,
+    /// A sample of the averages.
+    pub average: bool,
+    /// A checkpoint.
+    pub checkpoint: bool,
+}
+
+impl Due {
+    /// Whether what is due shows nodal fields of the fluid.
+    pub fn needs_fields(&self) -> bool {
+        self.series || self.frame
+    }
+
+    /// Whether anything but a checkpoint is due, so that [`Recording::record`] needs a view.
+    pub fn any(&self) -> bool {
+        self.series || self.frame || self.average
+    }
+}
+
+/// A quantity of the time series: name with unit, and value.
+pub type Reading = (Cow<'static, str>, f64);
+
+/// The files of a run.
+#[derive(Debug)]
+pub struct Recording {
+    folder: PathBuf,
+    output: Output,
+    step: f64,
+    last_step: u64,
+    series: Series,
+    grains: Collection,
+    fluid: Collection,
+    averages: Option<Averages>,
+}
+
+impl Recording {
+    /// Starts the files of a run: the scene as resolved, and what is due at time 0.
+    pub fn start<const D: usize>(
+        folder: &Path,
+        scene: &Scene,
+        view: &View<D>,
+        readings: &[Reading],
+    ) -> Result<Recording> {
+        create_folder(&folder.join("frames"))?;
+        let columns = columns(scene, view, readings);
+        let series = Series::create(&folder.join("series.csv"), &columns)?;
+        let grains = Collection::new(&folder.join("grains.pvd"));
+        let fluid = Collection::new(&folder.join("fluid.pvd"));
+        let averages = averages(scene, view);
+        let mut recording = Recording::new(folder, scene, series, (grains, fluid), averages)?;
+        recording.record(0, 0.0, view, readings)?;
+        Ok(recording)
+    }
+
+    /// Goes on with the files of an earlier run, cut back to the time of the checkpoint.
+    pub fn resume<const D: usize>(
+        folder: &Path,
+        scene: &Scene,
+        view: &View<D>,
+        readings: &[Reading],
+        checkpoint: &Checkpoint,
+    ) -> Result<Recording> {
+        create_folder(&folder.join("frames"))?;
+        let time = checkpoint.stamp.time;
+        let series = Series::resume(&folder.join("series.csv"), &columns(scene, view, readings), time)?;
+        let grains = Collection::resume(&folder.join("grains.pvd"), time)?;
+        let fluid = Collection::resume(&folder.join("fluid.pvd"), time)?;
+        let fresh = averages(scene, view);
+        let kept: Option<Averages> = checkpoint.recorder()?;
+        let averages = match (fresh, kept) {
+            (Some(fresh), Some(kept)) if kept.same_grid(&fresh) => Some(kept),
+            (fresh, _) => fresh,
+        };
+        Recording::new(folder, scene, series, (grains, fluid), averages)
+    }
+
+    fn new(
+        folder: &Path,
+        scene: &Scene,
+        series: Series,
+        (grains, fluid): (Collection, Collection),
+        averages: Option<Averages>,
+    ) -> Result<Recording> {
+        let text = scene.to_toml()?;
+        write_whole(&folder.join("scene.toml"), |file| file.write_all(text.as_bytes()))?;
+        Ok(Recording {
+            folder: folder.to_path_buf(),
+            output: scene.output.clone(),
+            step: scene.time.step,
+            last_step: scene.time.steps(),
+            series,
+            grains,
+            fluid,
+            averages,
+        })
+    }
+
+    /// The folder of the run.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// What is due after this many steps.
+    pub fn due(&self, step: u64) -> Due {
+        let time = step as f64 * self.step;
+        let every = |interval: Option<f64>| {
+            interval.is_some_and(|interval| step.is_multiple_of(self.steps(interval)))
+        };
+        let at_the_ends = step == 0 || step == self.last_step;
+        let snapshot = self.output.snapshots.iter().any(|at| (at / self.step).round() as u64 == step);
+        let slack = 0.5 * self.step;
+        let average = self.output.average.as_ref().is_some_and(|average| {
+            let inside = time > average.from - slack && time < average.to + slack && step > 0;
+            inside && step.is_multiple_of(average.interval.map_or(1, |interval| self.steps(interval)))
+        });
+        Due {
+            series: at_the_ends
+                || self.output.series_interval.is_none()
+                || every(self.output.series_interval),
+            frame: at_the_ends || snapshot || every(self.output.frame_interval),
+            average,
+            checkpoint: step == self.last_step || (step > 0 && every(self.output.checkpoint_interval)),
+        }
+    }
+
+    fn steps(&self, interval: f64) -> u64 {
+        (interval / self.step).round().max(1.0) as u64
+    }
+
+    /// Writes what is due after this many steps, but for the checkpoint. The readings must be those of the start, in order.
+    pub fn record<const D: usize>(
+        &mut self,
+        step: u64,
+        time: f64,
+        view: &View<D>,
+        readings: &[Reading],
+    ) -> Result<()> {
+        let due = self.due(step);
+        if due.series {
+            let row: Vec<f64> = self::readings(&self.output, time, view, readings)
+                .into_iter()
+                .map(|(_, value)| value)
+                .collect();
+            self.series.row(&row)?;
+        }
+        if due.average
+            && let (Some(averages), Some(grains)) = (&mut self.averages, view.grains)
+        {
+            averages.sample(grains.position, grains.velocity, grains.radius, grains.volume);
+        }
+        if due.frame {
+            self.frame(step, time, view)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a ParaView frame, unless this time has one.
+    pub fn frame<const D: usize>(&mut self, step: u64, time: f64, view: &View<D>) -> Result<()> {
+        if let Some(grains) = view.grains.filter(|_| self.grains.last_time() != Some(time)) {
+            let name = PathBuf::from(format!("frames/grains-{step:08}.vtp"));
+            grains.write(&self.folder.join(&name))?;
+            self.grains.push(time, name)?;
+        }
+        if let Some(fluid) = view.fluid.filter(|_| self.fluid.last_time() != Some(time)) {
+            let name = PathBuf::from(format!("frames/fluid-{step:08}.vtu"));
+            fluid.write(&self.folder.join(&name))?;
+            self.fluid.push(time, name)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the checkpoint, and the averages so far.
+    pub fn checkpoint(&self, stamp: &Stamp, state: &impl Serialize) -> Result<PathBuf> {
+        let path = self.folder.join(CHECKPOINT);
+        Checkpoint::write(&path, stamp, state, &self.averages)?;
+        if let Some(averages) = self.averages.as_ref().filter(|averages| averages.samples() > 0) {
+            averages.write(&self.folder.join("averages.csv"))?;
+        }
+        Ok(path)
+    }
+}
+
+fn columns<const D: usize>(scene: &Scene, view: &View<D>, readings: &[Reading]) -> Vec<String> {
+    let row = self::readings(&scene.output, 0.0, view, readings);
+    row.into_iter().map(|(name, _)| name.into_owned()).collect()
+}
+
+/// The row of the series: time, what follows from the view, and what the simulation adds.
+pub fn readings<const D: usize>(
+    output: &Output,
+    time: f64,
+    view: &View<D>,
+    more: &[Reading],
+) -> Vec<Reading> {
+    let mut row = vec![("time_s".into(), time)];
+    if let Some(grains) = &view.grains {
+        row.extend(grains.readings());
+    }
+    if let Some(fluid) = &view.fluid {
+        row.extend(fluid.readings());
+        if let Some(drop) = &output.pressure_drop {
+            let [from, to] = [&drop.from, &drop.to].map(|name| fluid.mean_pressure(name).unwrap_or(f64::NAN));
+            row.push(("pressure_drop_Pa".into(), from - to));
+        }
+    }
+    row.extend_from_slice(more);
+    row
+}
+
+/// The grid of the averages: over the fluid, or over all walls, or over all grains.
+fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Option<Averages> {
+    let average = scene.output.average.as_ref()?;
+    let plane = |point: &nalgebra::SVector<f64, D>| [point[0], point[D - 1]];
+    let points: Vec<[f64; 2]> = match (&view.fluid, &view.grains) {
+        (Some(fluid), _) => fluid.mesh.points.iter().map(plane).collect(),
+        (None, _) if scene.walls.len() > 1 => scene
+            .walls
+            .iter()
+            .flat_map(|wall| [plane(&wall.from.vector()), plane(&wall.to.vector())])
+            .collect(),
+        (None, Some(grains)) => grains.position.iter().map(plane).collect(),
+        (None, None) => return None,
+    };
+    let bound = |axis: usize, pick: fn(f64, f64) -> f64| points.iter().map(|point| point[axis]).reduce(pick);
+    let lower = [bound(0, f64::min)?, bound(1, f64::min)?];
+    let upper = [bound(0, f64::max)?, bound(1, f64::max)?];
+    Some(Averages::new(lower, upper, average.cell))
+}
+
+impl<const D: usize> GrainView<'_, D> {
+    /// Writes a VTP file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let mut columns = vec![
+            Column::integers("id", self.id),
+            Column::scalars("radius_m", self.radius),
+            Column::vectors("velocity_m_per_s", self.velocity),
+        ];
+        columns.extend(self.spin.map(|spin| Column::scalars("spin_rad_per_s", spin)));
+        columns.extend(self.temperature.map(|temperature| Column::scalars("temperature_K", temperature)));
+        write_grains(path, self.position, &columns)
+    }
+}
+
+impl<const D: usize> FluidView<'_, D> {
+    /// Writes a VTU file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let mut columns = vec![
+            Column::vectors("velocity_m_per_s", &self.fields.velocity),
+            Column::scalars("pressure_Pa", &self.fields.pressure),
+        ];
+        columns.extend(self.voidage.map(|voidage| Column::scalars("voidage", voidage)));
+        let names: Vec<String> = self.scalars.iter().map(|name| with_unit(name)).collect();
+        let scalars = names.iter().zip(&self.fields.scalars);
+        columns.extend(scalars.map(|(name, values)| Column::scalars(name, values)));
+        write_mesh(path, &self.mesh.points, &self.mesh.cells, &columns)
+    }
+}

@@ -1,0 +1,89 @@
+//! Time series as CSV: one row per time, columns with their units in the names.
+
+use super::files::write_whole;
+use std::fs::{File, OpenOptions};
+use std::io::{Seek, Write};
+use std::path::{Path, PathBuf};
+use voidage_coupling::error::{Error, Result};
+
+/// A time series that is being written; its first column is the time, s.
+#[derive(Debug)]
+pub struct Series {
+    path: PathBuf,
+    file: File,
+    columns: Vec<String>,
+    /// Bytes up to the end of the last whole row.
+    length: u64,
+}
+
+impl Series {
+    /// Starts a new file.
+    pub fn create(path: &Path, columns: &[String]) -> Result<Self> {
+        write_whole(path, |file| writeln!(file, "{}", columns.join(",")))?;
+        Series::open(path, columns)
+    }
+
+    /// Goes on with the file of an earlier run: rows later than `time` are cut off. The columns must be the same.
+    pub fn resume(path: &Path, columns: &[String], time: f64) -> Result<Self> {
+        if !path.exists() {
+            return Series::create(path, columns);
+        }
+        let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, "read", error))?;
+        let mut lines = text.lines();
+        let header = lines.next().unwrap_or("");
+        if header != columns.join(",") {
+            return Err(Error::Input(format!(
+                "{}:1: holds the columns `{header}`, but this run records `{}`\n  help: restart into an empty folder",
+                path.display(),
+                columns.join(",")
+            )));
+        }
+        let time_of = |line: &str| line.split(',').next().and_then(|number| number.parse::<f64>().ok());
+        let whole = |line: &&str| line.split(',').count() == columns.len();
+        let kept = lines.filter(whole).take_while(|line| time_of(line).is_some_and(|at| at <= time));
+        let kept: Vec<&str> = kept.collect();
+        write_whole(path, |file| {
+            writeln!(file, "{header}")?;
+            kept.iter().try_for_each(|line| writeln!(file, "{line}"))
+        })?;
+        Series::open(path, columns)
+    }
+
+    fn open(path: &Path, columns: &[String]) -> Result<Self> {
+        let mut file =
+            OpenOptions::new().append(true).open(path).map_err(|error| Error::file(path, "write", error))?;
+        let length =
+            file.seek(std::io::SeekFrom::End(0)).map_err(|error| Error::file(path, "write", error))?;
+        Ok(Series { path: path.to_path_buf(), file, columns: columns.to_vec(), length })
+    }
+
+    /// The columns.
+    pub fn columns(&self) -> &[String] {
+        &self.columns
+    }
+
+    /// Writes a row; numbers are written so that they read back the same. A row that does not fit on the disk is taken
+    /// away again.
+    pub fn row(&mut self, values: &[f64]) -> Result<()> {
+        if values.len() != self.columns.len() {
+            let (have, want) = (values.len(), self.columns.len());
+            return Err(Error::Run(format!(
+                "{}: a row of {have} values for {want} columns",
+                self.path.display()
+            )));
+        }
+        let mut row = String::new();
+        for (i, value) in values.iter().enumerate() {
+            let comma = if i == 0 { "" } else { "," };
+            row.push_str(&format!("{comma}{value}"));
+        }
+        row.push('\n');
+        if let Err(error) = self.file.write_all(row.as_bytes()).and_then(|()| self.file.flush()) {
+            // The first error counts: if cutting back fails too, the reader drops the unfinished row.
+            let _ = self.file.set_len(self.length);
+            return Err(Error::file(&self.path, "write", error));
+        }
+        self.length += row.len() as u64;
+        Ok(())
+    }
+}

@@ -1,0 +1,373 @@
+//! A scene in motion: what the program, the tests and the recorder drive.
+
+use crate::Scene;
+use crate::build;
+use crate::compare::{Findings, SideBySide};
+use crate::placing::Placing;
+use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, View, column_name};
+use crate::totals::{Overlap, Totals};
+use serde::{Deserialize, Serialize};
+use voidage_coupling::backend::FluidBackend;
+use voidage_coupling::error::Result;
+use voidage_coupling::exchange::AtGrains;
+use voidage_coupling::remesh::RemeshState;
+use voidage_coupling::{Agreement, Carried, Coupled, Fluid, StepReport, TEMPERATURE};
+use voidage_fluid::Vector;
+use voidage_fluid::balance::Balance;
+use voidage_fluid::flow;
+use voidage_remote::launch::Host;
+
+/// The coupled system of a plane scene, its step, and what has added up over the steps.
+pub struct Simulation {
+    coupled: Coupled<2>,
+    dt: f64,
+    last: StepReport,
+    totals: Totals,
+    bed_weight_per_area: Option<f64>,
+    /// Overlap of grains, as a share of the radius, that ends the run.
+    max_penetration: f64,
+}
+
+/// All that a run needs to go on as if it had never stopped.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct State {
+    time: f64,
+    steps: u64,
+    grains: Option<voidage_dem::State<2>>,
+    fluid: Option<flow::State<2>>,
+    remeshed: Option<RemeshState<2>>,
+    at: Option<AtGrains<2>>,
+    carried: Option<Carried<2>>,
+    departed: u64,
+}
+
+impl Simulation {
+    /// The scene at time zero.
+    ///
+    /// # Errors
+    /// Those of [`build::coupled`].
+    pub fn new(scene: &Scene) -> Result<Self> {
+        Self::hosted(scene, &Host::default())
+    }
+
+    /// The scene at time zero, with a fluid solver in another process started by `host`, if the scene has one.
+    ///
+    /// # Errors
+    /// Those of [`build::coupled`].
+    pub fn hosted(scene: &Scene, host: &Host) -> Result<Self> {
+        Self::placed(scene, host, &mut Placing::alone())
+    }
+
+    /// The same, with somebody who watches grains being placed, and a folder that keeps beds.
+    ///
+    /// # Errors
+    /// Those of [`build::placed`].
+    pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<Self> {
+        let coupled = build::placed(scene, host, placing)?;
+        let bed_weight_per_area = bed_weight_per_area(&coupled);
+        let (last, totals, dt) = (StepReport::default(), Totals::default(), scene.time.step);
+        let max_penetration = scene.contacts.clone().unwrap_or_default().max_penetration;
+        Ok(Self { coupled, dt, last, totals, bed_weight_per_area, max_penetration })
+    }
+
+    /// The same at a checkpoint.
+    ///
+    /// # Errors
+    /// A checkpoint that does not fit the scene, a fluid solver that cannot be reached.
+    pub fn restart(mut self, checkpoint: &Checkpoint) -> Result<Self> {
+        let state: State = checkpoint.state()?;
+        let coupled = &mut self.coupled;
+        coupled.set_time(state.time, state.steps);
+        if let Some(remeshed) = state.remeshed {
+            coupled.take_remeshed(remeshed)?;
+        }
+        coupled.place_mesh();
+        if let (Some(mixture), Some(state)) = (coupled.mixture_mut(), &state.grains) {
+            mixture.keep(&state.particles.id);
+        }
+        if let (Some(grains), Some(state)) = (coupled.grains_mut(), state.grains) {
+            grains.restore(state)?;
+        }
+        if let (Some(fluid), Some(fields)) = (coupled.fluid_mut(), state.fluid) {
+            fluid.accepted = fields;
+            fluid.start()?;
+        }
+        if let (Some(interaction), Some(at)) = (coupled.interaction_mut(), state.at) {
+            interaction.at = at;
+            interaction.carried = state.carried;
+            interaction.departed = state.departed;
+        }
+        Ok(self)
+    }
+
+    /// Lets other fluid solvers solve the given steps from the states of this run; `density` is that of the fluid, kg/m3.
+    ///
+    /// # Errors
+    /// There is no fluid.
+    pub fn beside(
+        &mut self,
+        density: f64,
+        others: Vec<(String, Box<dyn FluidBackend<2>>)>,
+        steps: Vec<u64>,
+    ) -> Result<Findings> {
+        let Some(fluid) = self.coupled.fluid_mut() else {
+            return Err(voidage_coupling::Error::Input(
+                "a scene without fluid has no fluid solvers to compare".into(),
+            ));
+        };
+        let (mesh, fields, scalars) = (fluid.mesh.clone(), fluid.accepted.clone(), fluid.scalars.clone());
+        let mut findings = Findings::default();
+        fluid.wrap_backend(|first| {
+            let beside = SideBySide::new(first, (&mesh, &fields), (density, &scalars), others, steps);
+            findings = beside.findings();
+            Box::new(beside)
+        });
+        Ok(findings)
+    }
+
+    /// The coupled system.
+    pub fn coupled(&self) -> &Coupled<2> {
+        &self.coupled
+    }
+
+    /// The coupled system, to change between two steps.
+    pub fn coupled_mut(&mut self) -> &mut Coupled<2> {
+        &mut self.coupled
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> f64 {
+        // Not the sum of the steps, whose last digits drift.
+        self.steps() as f64 * self.dt
+    }
+
+    /// Steps done since time zero.
+    pub fn steps(&self) -> u64 {
+        self.coupled.steps()
+    }
+
+    /// Sums and extremes over the steps of this process.
+    pub fn totals(&self) -> &Totals {
+        &self.totals
+    }
+
+    /// Weight of the grains less buoyancy, over the width of the mesh, Pa; with grains and fluid only.
+    pub fn bed_weight_per_area(&self) -> Option<f64> {
+        self.bed_weight_per_area
+    }
+
+    /// What has to be said of the steps of this process that fell short of something, a line each.
+    pub fn shortcomings(&self) -> Vec<String> {
+        self.totals.shortcomings(|wall| self.wall_name(wall))
+    }
+
+    /// What to tell of the last step, where it is the first to fall short in some way.
+    pub fn remarks(&self) -> Vec<String> {
+        let (step, totals) = (self.steps(), &self.totals);
+        let mut remarks = Vec::new();
+        if totals.disagreeing.is_some_and(|tally| tally.first == step) {
+            remarks.extend(self.last.agreement.as_ref().and_then(Agreement::complaint));
+        }
+        if let Some(overlap) = Overlap::deepest(&self.last).filter(|_| totals.penetrating.first == step) {
+            let names = overlap.names(|wall| self.wall_name(wall));
+            remarks.push(format!("{names} overlap by {:.2} of a radius", overlap.depth));
+        }
+        remarks
+    }
+
+    fn wall_name(&self, number: u32) -> &str {
+        let walls = self.coupled.grains().map_or(&[][..], |grains| grains.walls());
+        walls.get(number as usize).map_or("", |wall| &wall.name)
+    }
+
+    /// One step.
+    ///
+    /// # Errors
+    /// Those of [`Coupled::step`], with step and time in front; [`voidage_coupling::Error::Penetration`] after a step in which grains came further
+    /// into each other or into walls than the scene allows: that step is done.
+    pub fn step(&mut self) -> Result<StepReport> {
+        let (step, time) = (self.steps() + 1, self.time());
+        let report = self.coupled.step(self.dt).map_err(|error| {
+            voidage_coupling::Error::Run(format!("step {step}, from t = {time:.6e} s: {error}"))
+        })?;
+        self.last = report;
+        self.totals.add(step, &report);
+        match Overlap::deepest(&report).filter(|overlap| overlap.depth > self.max_penetration) {
+            Some(overlap) => Err(voidage_coupling::Error::Penetration(self.too_deep(overlap))),
+            None => Ok(report),
+        }
+    }
+
+    /// What ends a run whose grains overlap too much.
+    fn too_deep(&self, overlap: Overlap) -> String {
+        let (step, time, allowed) = (self.steps(), self.time(), self.max_penetration);
+        let names = overlap.names(|wall| self.wall_name(wall));
+        let unsolved = match self.last.grains.filter(|grains| !grains.converged) {
+            Some(grains) => {
+                let residual = grains.residual;
+                format!(
+                    "; the contacts of this step are unsolved (residual {residual:.1e}): raise contacts.max_sweeps"
+                )
+            }
+            None => String::new(),
+        };
+        format!(
+            "step {step}, t = {time:.6} s: {names} overlap by {:.2} of a radius, more than \
+             contacts.max_penetration = {allowed} allows\n  \
+             help: walls may leave the grains no room, or time.step be too long for grains so fast{unsolved}",
+            overlap.depth
+        )
+    }
+
+    /// Computes the voidage of the grains where they are now, for [`Self::view`].
+    ///
+    /// # Errors
+    /// A grain is outside the mesh.
+    pub fn refresh(&mut self) -> Result<()> {
+        match self.coupled.mixture_mut() {
+            Some(mixture) => mixture.cut_grains(&mut StepReport::default()),
+            None => Ok(()),
+        }
+    }
+
+    /// What the recorder writes; the voidage as of the last [`Self::refresh`].
+    pub fn view(&self) -> View<'_, 2> {
+        let grains = self.coupled.grains().map(|grains| {
+            let particles = &grains.particles;
+            GrainView {
+                id: &particles.id,
+                position: &particles.position,
+                velocity: &particles.velocity,
+                radius: &particles.radius,
+                mass: &particles.mass,
+                volume: &particles.volume,
+                spin: particles.rotation.as_ref().map(|rotation| rotation.spin.as_slice()),
+                temperature: particles.heat.as_ref().map(|heat| heat.temperature.as_slice()),
+            }
+        });
+        let fluid = self.coupled.fluid().map(|fluid| FluidView {
+            mesh: &fluid.mesh,
+            fields: &fluid.accepted,
+            voidage: self.coupled.interaction().map(|i| i.load.voidage.as_slice()),
+            scalars: &fluid.scalars,
+        });
+        View { grains, fluid }
+    }
+
+    /// Columns of the series that the view does not show: how the last step went, and what passed the boundary in it; zeros before
+    /// the first, so that the columns are always the same.
+    pub fn readings(&self) -> Vec<Reading> {
+        let (mut readings, last) = (Vec::<Reading>::new(), &self.last);
+        if let Some(grains) = self.coupled.grains() {
+            let step = last.grains.unwrap_or_default();
+            readings.extend([
+                ("contacts".into(), step.contacts as f64),
+                ("contact_sweeps".into(), step.sweeps as f64),
+                ("contact_residual".into(), step.residual),
+                ("substeps".into(), step.substeps as f64),
+            ]);
+            for (wall, force) in grains.walls().iter().zip(grains.wall_force()) {
+                let name = column_name(&wall.name);
+                for (axis, force) in ["x", "y"].iter().zip(force.iter()) {
+                    readings.push((format!("wall_force_{name}_{axis}_N_per_m").into(), *force));
+                }
+            }
+        }
+        if let Some(fluid) = self.coupled.fluid() {
+            let report = last.fluid.unwrap_or_default();
+            readings.push(("linear_iterations".into(), report.flow_iterations as f64));
+            self.boundary_readings(fluid, &mut readings);
+        }
+        if let Some(interaction) = self.coupled.interaction() {
+            let agreement = last.agreement.unwrap_or_default();
+            readings.extend([
+                ("fluid_solves".into(), agreement.solves as f64),
+                ("step_parts".into(), agreement.parts as f64),
+                ("coupling_disagreement".into(), agreement.disagreement),
+                ("carried_impulse_share".into(), agreement.carried),
+                ("grains".into(), interaction.force.len() as f64),
+                ("grains_left".into(), interaction.departed as f64),
+                ("solid_volume_defect".into(), last.solid_volume_defect.unwrap_or_default()),
+                ("momentum_exchange_defect".into(), last.momentum_exchange_defect.unwrap_or_default()),
+            ]);
+            if interaction.load.heat.is_some() {
+                let defect = last.energy_exchange_defect.unwrap_or_default();
+                readings.push(("fluid_to_grain_heat_W_per_m".into(), interaction.heat.iter().sum()));
+                readings.push(("energy_exchange_defect".into(), defect));
+            }
+        }
+        readings
+    }
+
+    /// What passed each part of the boundary of the mesh in the last step; no numbers where the solver does not compute it.
+    fn boundary_readings(&self, fluid: &Fluid<2>, readings: &mut Vec<Reading>) {
+        let steps = self.last.fluid.is_some();
+        let none = Balance {
+            flux: if steps { f64::NAN } else { 0.0 },
+            force: Vector::repeat(if steps { f64::NAN } else { 0.0 }),
+            scalars: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
+            carried: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
+        };
+        for (part, condition) in fluid.conditions.iter().enumerate() {
+            let name = column_name(&condition.boundary);
+            let balance = fluid.solution.balances.get(part).unwrap_or(&none);
+            readings.push((format!("flux_{name}_m2_per_s").into(), balance.flux));
+            for (axis, force) in ["x", "y"].iter().zip(balance.force.iter()) {
+                readings.push((format!("force_{name}_{axis}_N_per_m").into(), *force));
+            }
+            for (k, scalar) in fluid.scalars.iter().enumerate() {
+                let (given, carried) = match scalar.as_str() {
+                    TEMPERATURE => (format!("heat_{name}_W_per_m"), format!("carried_heat_{name}_W_per_m")),
+                    other => (format!("{other}_{name}_m2_per_s"), format!("carried_{other}_{name}_m2_per_s")),
+                };
+                readings.push((given.into(), balance.scalars[k]));
+                readings.push((carried.into(), balance.carried[k]));
+            }
+        }
+    }
+
+    /// The state to write in a checkpoint. What the linear solver keeps between steps is dropped, here as at a
+    /// restart, so that a restarted run equals this one bit for bit.
+    ///
+    /// # Errors
+    /// The fluid solver cannot be reached.
+    pub fn state(&mut self) -> Result<State> {
+        let coupled = &mut self.coupled;
+        let mut fluid = None;
+        if let Some(there) = coupled.fluid_mut() {
+            there.start()?;
+            fluid = Some(there.accepted.clone());
+        }
+        Ok(State {
+            time: coupled.time(),
+            steps: coupled.steps(),
+            grains: coupled.grains().map(|grains| grains.state()),
+            fluid,
+            remeshed: coupled.fluid().and_then(Fluid::remesh_state),
+            at: coupled.interaction().map(|interaction| interaction.at.clone()),
+            carried: coupled.interaction().and_then(|interaction| interaction.carried.clone()),
+            departed: coupled.interaction().map_or(0, |interaction| interaction.departed),
+        })
+    }
+}
+
+/// (m - rho_f V) g over the extent of the mesh across gravity, grains that are held excepted.
+fn bed_weight_per_area(coupled: &Coupled<2>) -> Option<f64> {
+    let (grains, fluid, interaction) = (coupled.grains()?, coupled.fluid()?, coupled.interaction()?);
+    let gravity = grains.settings().gravity;
+    if gravity.norm() == 0.0 {
+        return None;
+    }
+    let across = Vector::<2>::new(-gravity[1], gravity[0]).normalize();
+    let (lower, upper) = fluid.mesh.bounds();
+    let width = (upper - lower).abs().dot(&across.abs());
+    let particles = &grains.particles;
+    let mass: f64 = particles
+        .mass
+        .iter()
+        .zip(&particles.volume)
+        .filter(|(mass, _)| mass.is_finite())
+        .map(|(mass, volume)| mass - interaction.laws.density * volume)
+        .sum();
+    Some(mass * gravity.norm() / width)
+}
