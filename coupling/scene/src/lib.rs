@@ -1,4 +1,5 @@
-//! Scenes: what a run reads, the systems that they describe ([`build`]), and runs of them ([`Simulation`], [`recorder`]). TOML, SI units (in the plane everything is per metre of depth).
+//! Scenes: what a run reads, the systems that they describe ([`build`]), and runs of them ([`Simulation`], [`recorder`]). TOML, SI
+//! units (in the plane everything is per metre of depth).
 //!
 //! The structs below are the documentation of the file: every key says its meaning, unit and default, and
 //! `voidage schema` prints them. Physics that a scene does not mention is off: no `[[grains]]`, no grains; no
