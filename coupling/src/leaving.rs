@@ -29,20 +29,23 @@ impl<const D: usize> Mixture<D> {
     pub(crate) fn check_outside(&self) -> Result<()> {
         let particles = &self.grains.particles;
         for &grain in self.interaction.overlap.outside() {
-            let place = particles.position[grain as usize];
+            let (place, radius) = (particles.position[grain as usize], particles.radius[grain as usize]);
+            let id = particles.id[grain as usize];
+            if !place.iter().chain([&radius]).all(|x| x.is_finite()) {
+                let place = place.as_slice();
+                return Err(Error::Run(format!("grain {id} of radius {radius} is nowhere, at {place:?}")));
+            }
             let part = nearest_part(&self.fluid.mesh, &place);
             let name = part.map_or("", |part| self.fluid.mesh.boundaries[part].name.as_str());
             let condition = self.fluid.conditions.iter().find(|condition| condition.boundary == name);
             if condition.is_some_and(|condition| matches!(condition.flow, FlowCondition::Open { .. })) {
                 continue;
             }
-            let id = particles.id[grain as usize];
             return Err(Error::Run(format!(
-                "grain {id} at {:?} of radius {} lies outside of the mesh, behind its boundary \"{name}\"\n  \
+                "grain {id} at {:?} of radius {radius} lies outside of the mesh, behind its boundary \"{name}\"\n  \
                  help: keep grains in by [[walls]], or open that boundary; where a long step throws them out, \
                  coupling.cut = {{}} or a smaller time.step",
-                place.as_slice(),
-                particles.radius[grain as usize]
+                place.as_slice()
             )));
         }
         Ok(())

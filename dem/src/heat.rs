@@ -16,12 +16,13 @@
 use crate::memory::WALL;
 use crate::scene::Scene;
 use crate::{Error, Heat, Material, Result, Vector};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Law of the conductance H of a contact under the normal force F; q = H (T_j - T_i). A wall counts as a body of
 /// infinite radius and Young's modulus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
 pub enum Conduction {
     /// Henry et al., B.3: H = 4 k_s (F d* / (2 pi L E*))^(1/4), L = 1 m, with the harmonic mean
     /// k_s = 2 / (1/k_i + 1/k_j) that their text names. Not consistent in dimension; plane only.

@@ -4,16 +4,22 @@ use crate::dem::Partner;
 use crate::error::{Error, Result, check};
 use crate::heat::Conduction;
 use crate::space::Vector;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Adhesion between grains (Henry et al., Eq. 18).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cohesion {
     /// Adhesive force F_c0 of a contact, N (N/m, per metre of depth, in the plane).
     pub force: f64,
-    /// Steps that a contact must have lasted before it sticks.
+    /// Steps that a contact must have lasted before it sticks. Default 2.
+    #[serde(default = "two_steps")]
     pub steps: u16,
+}
+
+fn two_steps() -> u16 {
+    2
 }
 
 /// How to improve on plain Gauss-Seidel sweeps.

@@ -50,7 +50,9 @@ impl Scalar {
 }
 
 /// How the equation of a scalar is discretised.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Form {
     /// The consistent Galerkin terms with streamline diffusion, as in the paper. Order 2.

@@ -82,3 +82,13 @@ fn a_grain_that_leaves_through_a_wall_of_the_fluid_is_an_error_that_names_it() {
         assert!(error.contains(part), "{part} is not in {error}");
     }
 }
+
+/// It lies behind every part of the boundary, the open one included.
+#[test]
+fn a_grain_at_no_place_does_not_leave_but_ends_the_run() {
+    let mut simulation = Simulation::new(&scene("henry", [0.0, 0.0])).expect("a valid scene");
+    let grains = simulation.coupled_mut().grains_mut().expect("grains");
+    grains.particles.position[3].x = f64::NAN;
+    let error = simulation.step().expect_err("a grain is nowhere").to_string();
+    assert!(error.contains("grain 3 of radius") && error.contains("is nowhere"), "{error}");
+}

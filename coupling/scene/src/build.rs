@@ -10,12 +10,12 @@ use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::motion::Oscillation;
 use voidage_coupling::remesh::Remesher;
 use voidage_coupling::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
-use voidage_dem::{Conduction, ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
+use voidage_dem::{ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::{Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::linear::{Method, Options};
-use voidage_fluid::transport::{Form, Scalar, ThinCell};
+use voidage_fluid::transport::{Scalar, ThinCell};
 use voidage_fluid::{Mesh, Vector};
 use voidage_remote::launch::{self, Host};
 use voidage_remote::protocol::Setup;
@@ -192,16 +192,8 @@ pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2>
         interior: contacts.interior,
         max_travel: contacts.max_travel,
         max_substeps: contacts.max_substeps,
-        conduction: contacts.conduction.map(|law| match law {
-            scene::Conduction::Henry => Conduction::Henry,
-            scene::Conduction::HenryPrinted => Conduction::HenryPrinted,
-            scene::Conduction::Line => Conduction::Line,
-            scene::Conduction::Hertz => Conduction::Hertz,
-        }),
-        cohesion: contacts
-            .cohesion
-            .as_ref()
-            .map(|c| voidage_dem::Cohesion { force: c.force, steps: c.steps }),
+        conduction: contacts.conduction,
+        cohesion: contacts.cohesion,
         ..Settings::default()
     }
 }
@@ -295,18 +287,13 @@ fn properties(scene: &Scene, fluid: &scene::Fluid) -> Properties<2> {
 
 /// The scalars of a fluid, the temperature first.
 fn scalars(fluid: &scene::Fluid) -> Vec<Scalar> {
-    let form = |form: scene::Form| match form {
-        scene::Form::Consistent => Form::Consistent,
-        scene::Form::Lumped => Form::Lumped,
-        scene::Form::Monotone => Form::Monotone,
-    };
     let thin_cell = fluid.thin_cell.as_ref().and_then(|cell| cell.heat.as_ref());
     let heat = fluid.heat.iter().map(|heat| Scalar {
         name: TEMPERATURE.into(),
         capacity: fluid.density * heat.heat_capacity,
         conductivity: heat.conductivity,
         thin_cell: thin_cell.map(|wall| ThinCell { coefficient: wall.coefficient, value: wall.temperature }),
-        form: form(heat.form),
+        form: heat.form,
         expansion: heat.expansion,
         reference: heat.reference_temperature.unwrap_or(heat.initial_temperature),
     });
@@ -315,7 +302,7 @@ fn scalars(fluid: &scene::Fluid) -> Vec<Scalar> {
         capacity: 1.0,
         conductivity: scalar.diffusivity,
         thin_cell: None,
-        form: form(scalar.form),
+        form: scalar.form,
         expansion: scalar.expansion,
         reference: scalar.reference.unwrap_or(scalar.initial),
     });
@@ -324,7 +311,7 @@ fn scalars(fluid: &scene::Fluid) -> Vec<Scalar> {
 
 fn numerics(fluid: &scene::Fluid) -> Numerics {
     let method = match fluid.solver.linear {
-        scene::LinearMethod::Auto | scene::LinearMethod::Kept => Method::Multifrontal,
+        scene::LinearMethod::Auto => Method::Multifrontal,
         scene::LinearMethod::Direct => Method::MultifrontalFresh,
         scene::LinearMethod::Ilu => Method::Ilu,
     };

@@ -11,6 +11,7 @@ use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::cut::Cutting;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_fluid::mesh::Rectangle;
+use voidage_fluid::transport::Form;
 
 /// The fluid: volume-averaged Navier-Stokes on a mesh.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -98,22 +99,6 @@ pub struct FluidHeat {
     /// How the equation is discretised: `"consistent"` (as Henry et al.), `"lumped"` or `"monotone"`. Default `"consistent"`.
     #[serde(default)]
     pub form: Form,
-}
-
-/// How the equation of a scalar is discretised.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Form {
-    /// The consistent form of Henry et al., with streamline diffusion.
-    #[default]
-    Consistent,
-    /// Storage and exchange are summed into the diagonal, so that temperatures stay between those of
-    /// grains, walls and inflow where the exchange is strong.
-    Lumped,
-    /// Values never leave the range of those around them, also at fronts that the flow carries: lumped, with the
-    /// diffusion between neighbours that this takes in place of the streamline diffusion, which lets fronts overshoot. Smears
-    /// fronts more.
-    Monotone,
 }
 
 /// A scalar s that the fluid carries and spreads, eps Ds/Dt = div(eps diffusivity grad s).
@@ -270,12 +255,11 @@ impl Default for FluidSolver {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearMethod {
-    /// The fastest for the dimension.
+    /// The fastest for the dimension: in the plane factors that are kept over the steps, refined.
+    #[serde(alias = "kept")]
     Auto,
     /// A new factorisation in every step: the safe mode.
     Direct,
-    /// GMRES with factors kept over the steps as preconditioner.
-    Kept,
     /// GMRES with an incomplete factorisation as preconditioner.
     Ilu,
 }

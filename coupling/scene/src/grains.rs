@@ -4,6 +4,7 @@ use super::Coordinates;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use voidage_dem::{Cohesion, Conduction};
 
 /// A material of grains or walls.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -326,33 +327,4 @@ impl Default for Contacts {
             cohesion: None,
         }
     }
-}
-
-/// Laws of heat conduction through a contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Conduction {
-    /// B.3, B.4 of Henry et al. with the harmonic mean of the conductivities, as their text says.
-    Henry,
-    /// The same with the mean as printed.
-    HenryPrinted,
-    /// Line contact of discs, dimensionally consistent (plane).
-    Line,
-    /// Point contact of spheres (space).
-    Hertz,
-}
-
-/// An adhesive force at every contact.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Cohesion {
-    /// Adhesive force, N (N per m of depth in the plane).
-    pub force: f64,
-    /// Steps that a contact must have lasted before it sticks. Default 2.
-    #[serde(default = "two_steps")]
-    pub steps: u16,
-}
-
-fn two_steps() -> u16 {
-    2
 }

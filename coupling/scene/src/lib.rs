@@ -25,18 +25,20 @@ mod tests;
 pub mod totals;
 
 pub use fluid::{
-    Boundary, Coupling, Flow, Fluid, FluidHeat, FluidScalar, FluidSolver, Form, HeatBoundary, LinearMethod,
+    Boundary, Coupling, Flow, Fluid, FluidHeat, FluidScalar, FluidSolver, HeatBoundary, LinearMethod,
     MeshMotion, MeshSource, ScalarBoundary, ThinCell, ThinCellHeat,
 };
 pub use grains::{
-    Amount, Arrangement, Cohesion, Conduction, Contacts, Deposit, Grains, GrainsFile, Lattice, Material,
-    Method, Motion, Oscillation, Placement, Radius, RandomBox, Rotation, Wall,
+    Amount, Arrangement, Contacts, Deposit, Grains, GrainsFile, Lattice, Material, Method, Motion,
+    Oscillation, Placement, Radius, RandomBox, Rotation, Wall,
 };
 pub use origin::Origin;
 pub use output::{Average, Output, PressureDrop};
 pub use schema::json_schema;
 pub use simulation::Simulation;
 pub use voidage_coupling::error::{Place, SceneError};
+pub use voidage_dem::{Cohesion, Conduction};
+pub use voidage_fluid::transport::Form;
 pub use voidage_remote::solver::{Backend, Solver, Transport};
 
 use schemars::JsonSchema;

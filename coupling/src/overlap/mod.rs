@@ -203,7 +203,11 @@ impl<const D: usize> Chunk<D> {
             self.pieces.first.push(self.pieces.cell.len() as u32);
             let missing = 1.0 - total / whole;
             // Away from the boundary what is missing is the round-off of the cut.
-            self.inside.push(if at_boundary { (total / whole).min(1.0) } else { 1.0 });
+            self.inside.push(match at_boundary {
+                true if total > 0.0 => (total / whole).min(1.0),
+                true => 0.0,
+                false => 1.0,
+            });
             if at_boundary {
                 self.report.cut_off = self.report.cut_off.max(missing);
             } else {
