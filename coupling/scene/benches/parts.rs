@@ -48,7 +48,7 @@ fn cold(scene: &mut Scene) {
 const COLUMNS: [&str; 4] = ["energy", "flow", "contacts", "total"];
 
 fn main() -> Result<(), voidage_coupling::Error> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/bubbling-bed/scene-quick.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/bubbling-bed/scene-quick.toml");
     let mut beds = vec![];
     for (name, change) in SCENES {
         let mut scene = Scene::read(&path, &[])?;

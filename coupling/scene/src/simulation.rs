@@ -332,10 +332,13 @@ impl Simulation {
     /// # Errors
     /// The fluid solver cannot be reached.
     pub fn state(&mut self) -> Result<State> {
+        let (step, time) = (self.steps(), self.time());
         let coupled = &mut self.coupled;
         let mut fluid = None;
         if let Some(there) = coupled.fluid_mut() {
-            there.start()?;
+            there.start().map_err(|error| {
+                voidage_coupling::Error::Run(format!("step {step}, at t = {time:.6e} s: {error}"))
+            })?;
             fluid = Some(there.accepted.clone());
         }
         Ok(State {

@@ -4,7 +4,7 @@ use super::*;
 use std::path::{Path, PathBuf};
 
 fn cases() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases")
 }
 
 #[test]
