@@ -8,6 +8,9 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use voidage_coupling::error::PeerError;
 
+/// How long a solver that fails waits for the run to read why.
+const LINGER: Duration = Duration::from_secs(1);
+
 /// Time between two signs of life while a request is being answered.
 const BEAT: Duration = Duration::from_millis(200);
 
@@ -111,7 +114,12 @@ impl Peer {
     /// # Errors
     /// The run is gone.
     pub fn fail(&mut self, text: &str) -> Result<(), PeerError> {
-        self.answer_text(Kind::Error, text)
+        self.answer_text(Kind::Error, text)?;
+        // Shared memory that the run has not opened yet goes with this process: its goodbye says that it has read.
+        match self.receive(LINGER) {
+            Ok(_) | Err(PeerError::Gone) => Ok(()),
+            Err(error) => Err(error),
+        }
     }
 
     fn answer_text(&mut self, kind: Kind, text: &str) -> Result<(), PeerError> {
