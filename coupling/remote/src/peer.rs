@@ -114,12 +114,14 @@ impl Peer {
     /// # Errors
     /// The run is gone.
     pub fn fail(&mut self, text: &str) -> Result<(), PeerError> {
-        self.answer_text(Kind::Error, text)?;
-        // Shared memory that the run has not opened yet goes with this process: its goodbye says that it has read.
-        match self.receive(LINGER) {
-            Ok(_) | Err(PeerError::Gone) => Ok(()),
-            Err(error) => Err(error),
-        }
+        self.answer_text(Kind::Error, text)
+    }
+
+    /// Waits until the run has read the last answer, which its goodbye says: shared memory that it has not opened yet goes with
+    /// this process.
+    pub fn linger(&mut self) {
+        // A run that is gone reads nothing.
+        let _ = self.receive(LINGER);
     }
 
     fn answer_text(&mut self, kind: Kind, text: &str) -> Result<(), PeerError> {

@@ -32,7 +32,9 @@ pub fn serve(address: &Address, wait: Duration) -> Result<()> {
         }
         Err(error) => {
             // If the run cannot be told either, the first error is the cause.
-            let _ = peer.fail(&error.to_string());
+            if peer.fail(&error.to_string()).is_ok() {
+                peer.linger();
+            }
             Err(error)
         }
         Ok(()) => Ok(()),
