@@ -33,7 +33,9 @@ impl<const D: usize> Mixture<D> {
             let id = particles.id[grain as usize];
             if !place.iter().chain([&radius]).all(|x| x.is_finite()) {
                 let place = place.as_slice();
-                return Err(Error::Run(format!("grain {id} of radius {radius} is nowhere, at {place:?}")));
+                let text =
+                    format!("grain {id}: its position {place:?} or radius {radius} is not a finite number");
+                return Err(Error::Run(text));
             }
             let part = nearest_part(&self.fluid.mesh, &place);
             let name = part.map_or("", |part| self.fluid.mesh.boundaries[part].name.as_str());

@@ -37,6 +37,13 @@ enum Phase {
     Solved,
 }
 
+/// Reports a motion of the grains that began at `start`. Sweeps of trials and of earlier parts of the step count too.
+fn moved(now: voidage_dem::StepReport, start: Instant, report: &mut StepReport) {
+    let before = report.grains.map_or(0, |grains| grains.sweeps);
+    report.grains = Some(voidage_dem::StepReport { sweeps: before + now.sweeps, ..now });
+    report.phases.contacts += start.elapsed().as_secs_f64();
+}
+
 impl<const D: usize> Mixture<D> {
     /// Grains in a fluid, before their first step.
     pub fn new(grains: Dem<D>, fluid: Fluid<D>, interaction: Interaction<D>) -> Self {
@@ -137,8 +144,8 @@ impl<const D: usize> Mixture<D> {
     pub fn move_grains(&mut self, dt: f64, report: &mut StepReport) {
         let Interaction { force, heat, .. } = &self.interaction;
         let start = Instant::now();
-        report.grains = Some(self.grains.step(dt, &Load { force, heat, ..Load::default() }));
-        report.phases.contacts += start.elapsed().as_secs_f64();
+        let load = Load { force, heat, ..Load::default() };
+        moved(self.grains.step(dt, &load), start, report);
     }
 
     /// The same under a forcing of the fluid with implicit drag and heat transfer: the force on a grain is forcing.force - gamma v,
@@ -158,11 +165,7 @@ impl<const D: usize> Mixture<D> {
             transfer,
             ..Load::default()
         };
-        // Sweeps of trials count too.
-        let before = report.grains.map_or(0, |grains| grains.sweeps);
-        let moved = self.grains.step(dt, &load);
-        report.grains = Some(voidage_dem::StepReport { sweeps: before + moved.sweeps, ..moved });
-        report.phases.contacts += start.elapsed().as_secs_f64();
+        moved(self.grains.step(dt, &load), start, report);
         Ok(())
     }
 

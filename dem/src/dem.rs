@@ -372,6 +372,16 @@ impl<const D: usize> Dem<D> {
         self.contact_heat.clone_from(&self.saved.contact_heat);
     }
 
+    /// Puts the means over several steps, that together were one, in the place of [`Self::wall_force`] (N) and [`Self::wall_heat`]
+    /// (W) of the last.
+    ///
+    /// # Panics
+    /// There are more or fewer than walls.
+    pub fn set_walls(&mut self, force: Vec<Vector<D>>, heat: Vec<f64>) {
+        assert_eq!((force.len(), heat.len()), (self.wall_force.len(), self.wall_heat.len()), "one per wall");
+        (self.wall_force, self.wall_heat) = (force, heat);
+    }
+
     /// How contacts bind each grain, by those that carried an impulse in the last sub-step.
     pub fn bonds(&self, out: &mut Bonds) {
         out.find(&self.particles, self.search.forces(&self.problem, self.memory.h));

@@ -108,6 +108,46 @@ fn closes(path: &str, sets: &[&str]) {
     }
 }
 
+/// What passes the boundary in a step that is done in two parts was that of the second part.
+#[test]
+fn a_step_in_parts_reports_what_passes_in_all_of_them() {
+    let (path, exact) =
+        ("tests/python/scenes/moving-mesh.toml", "contacts={tolerance=1e-18,max_sweeps=100000}");
+    let (scene, mut halves) = simulation(path, &["time.step=5e-4", exact]);
+    let (_, mut cut) = simulation(path, &["time.step=1e-3", exact]);
+    let fastest = |simulation: &Simulation| {
+        let particles = &simulation.coupled().grains().expect("grains").particles;
+        let moved = |(v, r): (&Vec2, &f64)| v.norm() * scene.time.step / (2.0 * r);
+        particles.velocity.iter().zip(&particles.radius).map(moved).fold(0.0, f64::max)
+    };
+    let balances =
+        |simulation: &Simulation| simulation.coupled().fluid().expect("fluid").solution.balances.clone();
+    halves.step().expect("a step");
+    let first = balances(&halves);
+    halves.step().expect("a step");
+    let (second, travel) = (balances(&halves), 1.2 * fastest(&halves));
+    let cutting = Some(voidage_coupling::scheme::cut::Cutting { travel });
+    let scheme = voidage_coupling::scheme::SchemeName::Henry;
+    cut.coupled_mut().set_scheme(scheme.build(&Default::default(), cutting));
+    let report = cut.step().expect("a step");
+    assert_eq!(report.agreement.expect("both").parts, 2);
+    let mut differs = 0.0f64;
+    for ((sum, a), b) in balances(&cut).iter().zip(&first).zip(&second) {
+        let near = |sum: f64, a: f64, b: f64| {
+            assert!((sum - 0.5 * (a + b)).abs() <= 1e-8 * (a.abs() + b.abs()), "{sum} {a} {b}");
+        };
+        near(sum.flux, a.flux, b.flux);
+        let (off, size) = (sum.force - (a.force + b.force) * 0.5, a.force.norm() + b.force.norm());
+        assert!(off.norm() <= 1e-8 * size, "{} {} {}", sum.force, a.force, b.force);
+        for k in 0..sum.scalars.len() {
+            near(sum.carried[k], a.carried[k], b.carried[k]);
+            near(sum.scalars[k], a.scalars[k], b.scalars[k]);
+        }
+        differs = differs.max((a.force - b.force).norm());
+    }
+    assert!(differs > 1.0, "both parts are alike: the test would see nothing");
+}
+
 const TRACER: [&str; 2] = [
     "fluid.scalars=[{name=\"tracer\",diffusivity=1e-4,initial=0.2}]",
     "fluid.boundaries.inflow.scalars.tracer.value=1.0",

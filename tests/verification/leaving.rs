@@ -83,12 +83,12 @@ fn a_grain_that_leaves_through_a_wall_of_the_fluid_is_an_error_that_names_it() {
     }
 }
 
-/// It lies behind every part of the boundary, the open one included.
+/// A position that is no number is nearest to no part of the boundary, and could pass for one behind an open part.
 #[test]
-fn a_grain_at_no_place_does_not_leave_but_ends_the_run() {
+fn a_grain_whose_position_is_no_number_ends_the_run() {
     let mut simulation = Simulation::new(&scene("henry", [0.0, 0.0])).expect("a valid scene");
     let grains = simulation.coupled_mut().grains_mut().expect("grains");
     grains.particles.position[3].x = f64::NAN;
-    let error = simulation.step().expect_err("a grain is nowhere").to_string();
-    assert!(error.contains("grain 3 of radius") && error.contains("is nowhere"), "{error}");
+    let error = simulation.step().expect_err("a position is no number").to_string();
+    assert!(error.contains("grain 3: its position [NaN") && error.contains("finite"), "{error}");
 }

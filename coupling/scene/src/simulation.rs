@@ -8,7 +8,7 @@ use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, View, column_na
 use crate::totals::{Overlap, Totals};
 use serde::{Deserialize, Serialize};
 use voidage_coupling::backend::FluidBackend;
-use voidage_coupling::error::Result;
+use voidage_coupling::error::{Error, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::remesh::RemeshState;
 use voidage_coupling::{Agreement, Carried, Coupled, Fluid, StepReport, TEMPERATURE};
@@ -39,6 +39,11 @@ pub struct State {
     at: Option<AtGrains<2>>,
     carried: Option<Carried<2>>,
     departed: u64,
+}
+
+/// An error on the way to the end of a step, with the number of the step and the time at its start, s.
+fn in_step(step: u64, time: f64, error: Error) -> Error {
+    Error::Run(format!("step {step}, from t = {time:.6e} s: {error}"))
 }
 
 impl Simulation {
@@ -111,9 +116,7 @@ impl Simulation {
         steps: Vec<u64>,
     ) -> Result<Findings> {
         let Some(fluid) = self.coupled.fluid_mut() else {
-            return Err(voidage_coupling::Error::Input(
-                "a scene without fluid has no fluid solvers to compare".into(),
-            ));
+            return Err(Error::Input("a scene without fluid has no fluid solvers to compare".into()));
         };
         let (mesh, fields, scalars) = (fluid.mesh.clone(), fluid.accepted.clone(), fluid.scalars.clone());
         let mut findings = Findings::default();
@@ -183,17 +186,15 @@ impl Simulation {
     /// One step.
     ///
     /// # Errors
-    /// Those of [`Coupled::step`], with step and time in front; [`voidage_coupling::Error::Penetration`] after a step in which grains came further
+    /// Those of [`Coupled::step`], with step and time in front; [`Error::Penetration`] after a step in which grains came further
     /// into each other or into walls than the scene allows: that step is done.
     pub fn step(&mut self) -> Result<StepReport> {
         let (step, time) = (self.steps() + 1, self.time());
-        let report = self.coupled.step(self.dt).map_err(|error| {
-            voidage_coupling::Error::Run(format!("step {step}, from t = {time:.6e} s: {error}"))
-        })?;
+        let report = self.coupled.step(self.dt).map_err(|error| in_step(step, time, error))?;
         self.last = report;
         self.totals.add(step, &report);
         match Overlap::deepest(&report).filter(|overlap| overlap.depth > self.max_penetration) {
-            Some(overlap) => Err(voidage_coupling::Error::Penetration(self.too_deep(overlap))),
+            Some(overlap) => Err(Error::Penetration(self.too_deep(overlap))),
             None => Ok(report),
         }
     }
@@ -332,13 +333,11 @@ impl Simulation {
     /// # Errors
     /// The fluid solver cannot be reached.
     pub fn state(&mut self) -> Result<State> {
-        let (step, time) = (self.steps(), self.time());
+        let (step, time) = (self.steps() + 1, self.time());
         let coupled = &mut self.coupled;
         let mut fluid = None;
         if let Some(there) = coupled.fluid_mut() {
-            there.start().map_err(|error| {
-                voidage_coupling::Error::Run(format!("step {step}, at t = {time:.6e} s: {error}"))
-            })?;
+            there.start().map_err(|error| in_step(step, time, error))?;
             fluid = Some(there.accepted.clone());
         }
         Ok(State {

@@ -82,6 +82,7 @@
 //! that diagonal. It does not exceed the true diagonal of the inverse, so T* is a mean of temperatures with positive weights
 //! and stays within their bounds (what is carried, bounded by the tolerance, comes on top); the iteration always contracts.
 
+use super::cut::Part;
 use crate::{Carried, Interaction, Mixture};
 use voidage_dem::{Bond, Bonds, Dem};
 use voidage_fluid::Vector;
@@ -123,17 +124,6 @@ const CALM: f64 = 1e-2;
 
 /// eta: the share of what is carried that the fluid gets back in a step.
 const RETURNED: f64 = 0.5;
-
-/// Times of a step, or of a part of one.
-#[derive(Clone, Copy, Debug)]
-pub struct Times {
-    /// What the grains and the fluid move by, s.
-    pub dt: f64,
-    /// The step that this is a part of, s: what is carried is given back in such times, however a step is cut.
-    pub whole: f64,
-    /// Sub-steps of the grains in it.
-    pub substeps: usize,
-}
 
 /// The shares theta of momentum and flux.
 fn shares<const D: usize>(bond: Bond, cautious: bool) -> [f64; 2] {
@@ -177,12 +167,12 @@ impl Anchor {
         &mut self,
         mixture: &mut Mixture<D>,
         forcing: &Forcing<D>,
-        times: Times,
+        (part, substeps): (Part, usize),
         cautious: bool,
     ) {
         let Mixture { grains, interaction, .. } = mixture;
         grains.bonds(&mut self.bonds);
-        let Times { dt, whole, substeps } = times;
+        let Part { dt, whole } = part;
         let (particles, response) = (&grains.particles, grains.mean_velocity());
         let load = &mut interaction.load;
         let none = || Carried::none(particles.len(), load.heat.is_some());
@@ -204,7 +194,7 @@ impl Anchor {
             let confined = confinement(free, drag, inertia, interaction.voidage[i]);
             flux.velocity[i] -= carried.displacement[i] * (RETURNED / (1.0 + confined) / whole);
         }
-        self.fill_heat(grains, interaction, forcing, times);
+        self.fill_heat(grains, interaction, forcing, (part, substeps));
     }
 
     fn fill_heat<const D: usize>(
@@ -212,7 +202,7 @@ impl Anchor {
         grains: &Dem<D>,
         interaction: &mut Interaction<D>,
         forcing: &Forcing<D>,
-        Times { dt, whole, substeps }: Times,
+        (Part { dt, whole }, substeps): (Part, usize),
     ) {
         let (Some(law), Some(heat)) = (&mut interaction.load.heat, &grains.particles.heat) else { return };
         let Some(carried) = &interaction.carried else { return };

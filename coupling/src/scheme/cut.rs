@@ -2,13 +2,15 @@
 //!
 //! A step in which a grain moves far, or that ends in disagreement of grains and fluid, is put back and done in halves, these in halves of
 //! their own, until a part is good, which is accepted. The next part is twice as long again where that is not known to be too far and
-//! the whole step stays a multiple of it. The mesh moves with the parts. Forces and heat of the step are the means over its parts.
+//! the whole step stays a multiple of it. The mesh moves with the parts. What the grains, the walls and the boundary get in the step are the
+//! means over its parts.
 
 use super::Scheme;
-use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
+use crate::{Agreement, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use voidage_dem::Vector;
+use voidage_fluid::balance::Balance;
 
 /// When to do a step in parts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -57,20 +59,52 @@ pub struct Cut<T> {
     cutting: Option<Cutting>,
 }
 
-/// Force of the fluid on each grain, N, and heat, W, over a step that is done in parts.
+/// What is given and taken over a step that is done in parts.
 #[derive(Default)]
 struct Mean<const D: usize> {
-    force: Vec<Vector<D>>,
-    heat: Vec<f64>,
+    /// Force of the fluid on each grain, N, and heat, W.
+    grains: (Vec<Vector<D>>, Vec<f64>),
+    /// Force of the grains on each wall, N, and heat of the walls, W.
+    walls: (Vec<Vector<D>>, Vec<f64>),
+    /// The parts of the boundary.
+    balances: Vec<Balance<D>>,
+}
+
+/// Adds a column times a share to its sum, which may be empty yet.
+fn add<T>(sum: &mut Vec<T>, column: &[T], share: f64)
+where
+    T: Copy + std::ops::Mul<f64, Output = T> + std::ops::AddAssign,
+{
+    let part = column.iter().map(|value| *value * share);
+    match sum.is_empty() {
+        true => sum.extend(part),
+        false => sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part),
+    }
 }
 
 impl<const D: usize> Mean<D> {
     /// Adds a part that is a `share` of the step.
-    fn add(&mut self, part: &Interaction<D>, share: f64) {
-        self.force.resize(part.force.len(), Vector::zeros());
-        self.heat.resize(part.heat.len(), 0.0);
-        self.force.iter_mut().zip(&part.force).for_each(|(sum, force)| *sum += force * share);
-        self.heat.iter_mut().zip(&part.heat).for_each(|(sum, heat)| *sum += heat * share);
+    fn add(&mut self, mixture: &Mixture<D>, share: f64) {
+        let Mixture { grains, fluid, interaction, .. } = mixture;
+        add(&mut self.grains.0, &interaction.force, share);
+        add(&mut self.grains.1, &interaction.heat, share);
+        add(&mut self.walls.0, grains.wall_force(), share);
+        add(&mut self.walls.1, grains.wall_heat(), share);
+        let parts = &fluid.solution.balances;
+        self.balances.resize(parts.len(), Balance::none(fluid.scalars.len()));
+        for (sum, part) in self.balances.iter_mut().zip(parts) {
+            sum.flux += part.flux * share;
+            sum.force += part.force * share;
+            add(&mut sum.scalars, &part.scalars, share);
+            add(&mut sum.carried, &part.carried, share);
+        }
+    }
+
+    /// Puts the means in the place of what the last part gave.
+    fn put(self, mixture: &mut Mixture<D>) {
+        (mixture.interaction.force, mixture.interaction.heat) = self.grains;
+        mixture.grains.set_walls(self.walls.0, self.walls.1);
+        mixture.fluid.solution.balances = self.balances;
     }
 }
 
@@ -88,7 +122,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
         let (most, travel) =
             self.cutting.map_or((1, f64::INFINITY), |cutting| (1 << HALVINGS, cutting.travel));
         let (mut done, mut length, mut spent) = (0, most, 0);
-        let (mut sum, mut mean, mut grains) = (None::<Agreement>, Mean::default(), None);
+        let (mut sum, mut mean, mut grains) = (None::<Agreement>, None::<Mean<D>>, None);
         while done < most {
             let part = Part { dt: dt * f64::from(length) / f64::from(most), whole: dt };
             if length < most {
@@ -110,7 +144,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             }
             let agreement = self.scheme.settle(mixture, part, agreement);
             if length < most {
-                mean.add(&mixture.interaction, f64::from(length) / f64::from(most));
+                mean.get_or_insert_default().add(mixture, f64::from(length) / f64::from(most));
             }
             sum = Some(agreement.after(sum.as_ref(), std::mem::take(&mut spent)));
             // Parts that were not accepted do not count.
@@ -123,8 +157,8 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
                 (length, next) = (2 * length, 2.0 * next);
             }
         }
-        if !mean.force.is_empty() {
-            (mixture.interaction.force, mixture.interaction.heat) = (mean.force, mean.heat);
+        if let Some(mean) = mean {
+            mean.put(mixture);
         }
         (report.agreement, report.grains) = (sum, grains);
         mixture.end_step();

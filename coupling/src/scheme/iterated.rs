@@ -9,7 +9,7 @@
 //! grains against their weight and force ([`crate::Agreement`]); of heat by hA |T - T*|, as far as it is beyond
 //! the accuracy of the temperatures, against hA times their range.
 
-use super::anchored::{Anchor, Forcing, Times};
+use super::anchored::{Anchor, Forcing};
 use super::cut::{Part, Trial};
 use super::relaxation::{Relaxation, Relaxer};
 use crate::agreement::{Comparison, Temperatures};
@@ -65,7 +65,7 @@ impl<const D: usize> Iterated<D> {
 
 impl<const D: usize> Trial<D> for Iterated<D> {
     fn solve(&mut self, mixture: &mut Mixture<D>, part: Part, report: &mut StepReport) -> Result<Agreement> {
-        let Part { dt, whole } = part;
+        let dt = part.dt;
         mixture.cut_grains(report)?;
         mixture.evaluate_closures(report)?;
         mixture.grains.save();
@@ -76,7 +76,7 @@ impl<const D: usize> Trial<D> for Iterated<D> {
         loop {
             solves += 1;
             let substeps = report.grains.map_or(1, |grains| grains.substeps);
-            self.anchor.fill(mixture, &self.forcing, Times { dt, whole, substeps }, cautious);
+            self.anchor.fill(mixture, &self.forcing, (part, substeps), cautious);
             mixture.solve_fluid(dt, report)?;
             self.answer.read(mixture);
             mixture.drive_grains(dt, &self.answer, report)?;

@@ -179,7 +179,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     let densities = of(&|p| density(&p.particles, window(&p.particles)));
     let (phi, scatter) = mean(&densities);
     let beyond = |p: &Packed| p.excess() - p.explained();
-    let densest = packings.iter().max_by(|a, b| beyond(a).total_cmp(&beyond(b))).expect("there are packings");
+    let worst = packings.iter().max_by(|a, b| beyond(a).total_cmp(&beyond(b))).expect("there are packings");
     let (z, _) = mean(&of(&|p| (2 * p.contacts) as f64 / p.backbone as f64));
     let mut curves = vec![];
     for (seed, p) in packings.iter().enumerate() {
@@ -215,10 +215,10 @@ fn run(effort: Effort) -> Result<Outcome> {
                 6.0 / count as f64,
             ),
             Finding::at_most(
-                format!("contacts beyond 2 N - 1, discs that overlap by {:.1e}", densest.strain),
+                format!("contacts beyond 2 N - 1, discs that overlap by {:.1e}", worst.strain),
                 "1",
-                densest.explained(),
-                densest.excess(),
+                worst.explained(),
+                worst.excess(),
             ),
         ],
         panels: vec![panel],
