@@ -5,9 +5,11 @@
 //! a pair across levels lies in neighbouring cells of the coarser one. So 1:100 mixtures cost no more than
 //! the sum of their levels.
 //!
-//! Tiles are blocks of coarsest cells, at least three wide. A contact belongs to the tile of its first grain and
-//! reaches at most one cell out of it, so two tiles of one colour (2^D colours) never share a grain and can be swept
-//! in parallel with the same result as one after the other.
+//! Tiles are blocks of cells, at least three wide, of the level up to which almost all grains live. A contact belongs
+//! to the tile of its first grain and reaches at most one cell out of it, so two tiles of one colour (2^D colours) never
+//! share a grain and can be swept in parallel with the same result as one after the other. The contacts of the few grains
+//! on coarser levels make one more tile with a colour of its own: a heavy disc on a bed of fine grains does not make
+//! the tiles of the bed as wide as itself.
 //!
 //! The cells of a level are numbered block by block, so that the grains of a tile lie together in memory.
 //!
@@ -30,9 +32,12 @@ pub(crate) struct Grid<const D: usize> {
     starts: Vec<u32>,
     /// Slot -> grain.
     pub order: Vec<u32>,
-    /// Coarsest cells along a tile, tiles in the order of their colours, and the first tile of each colour.
+    /// Level whose cells tiles are made of, and cells along a tile.
+    base: usize,
     tile: i64,
-    pub tiles: Vec<[i64; D]>,
+    /// Tiles in the order of their colours (none: the one of the grains on levels above the base), and the first tile of
+    /// each colour.
+    pub tiles: Vec<Option<[i64; D]>>,
     pub colours: Vec<usize>,
     cell_of: Vec<u32>,
     later: Vec<[i64; D]>,
@@ -43,6 +48,8 @@ pub(crate) struct Grid<const D: usize> {
 const MAX_LEVELS: usize = 12;
 /// Grains per tile aimed at: its contacts and bodies stay in the first-level cache.
 const GRAINS_PER_TILE: f64 = 100.0;
+/// Share of all contacts that grains above the level of the tiles may have: their tile is swept by one thread.
+const FEW: f64 = 0.01;
 /// Binary logarithm of the cells along a block.
 const fn block(dimensions: usize) -> u32 {
     if dimensions == 2 { 3 } else { 2 }
@@ -58,6 +65,7 @@ impl<const D: usize> Default for Grid<D> {
             first: vec![],
             starts: vec![],
             order: vec![],
+            base: 0,
             tile: 3,
             tiles: vec![],
             colours: vec![],
@@ -129,12 +137,31 @@ impl<const D: usize> Grid<D> {
         self.inverse = (1u64 << (self.levels - 1)) as f64 / width;
     }
 
+    /// The lowest level above which grains have few contacts, if each has as many as fit around it.
+    fn choose_base(&self) -> usize {
+        let grains = |level: usize| {
+            let end = self.first.get(level + 1).map_or(self.starts.len() - 1, |cell| *cell);
+            (self.starts[end] - self.starts[self.first[level]]) as f64
+        };
+        let most = (0..self.levels).rev().max_by(|a, b| grains(*a).total_cmp(&grains(*b))).unwrap_or(0);
+        let mut wide = 0.0;
+        for level in (most + 1..self.levels).rev() {
+            wide += grains(level) * ((D - 1) as f64 * (level - most) as f64).exp2();
+            if wide > FEW * self.order.len() as f64 {
+                return level;
+            }
+        }
+        most
+    }
+
     fn cut_tiles(&mut self, n: usize) {
-        let cells = self.dims.iter().product::<i64>() as f64;
+        self.base = self.choose_base();
+        let dims = self.level_dims(self.base);
+        let cells = dims.iter().product::<i64>() as f64;
         let per_cell = n as f64 / cells;
         let wide = (GRAINS_PER_TILE / per_cell.max(1e-3)).powf(1.0 / D as f64);
         self.tile = 1 << wide.log2().round().clamp(2.0, 4.0) as u32;
-        let counts: [i64; D] = std::array::from_fn(|a| self.dims[a].div_euclid(self.tile) + 1);
+        let counts: [i64; D] = std::array::from_fn(|a| dims[a].div_euclid(self.tile) + 1);
         self.tiles.clear();
         self.colours.clear();
         for colour in 0..1usize << D {
@@ -142,11 +169,15 @@ impl<const D: usize> Grid<D> {
             let tiles = &mut self.tiles;
             each_cell(&[0; D], &counts, |t| {
                 if (0..D).all(|a| t[a] & 1 == (colour >> a & 1) as i64) {
-                    tiles.push(*t);
+                    tiles.push(Some(*t));
                 }
             });
         }
         self.colours.push(self.tiles.len());
+        if self.base + 1 < self.levels {
+            self.tiles.push(None);
+            self.colours.push(self.tiles.len());
+        }
     }
 
     fn level_of(&self, range: f64) -> usize {
@@ -252,37 +283,63 @@ impl<const D: usize> Grid<D> {
     /// Calls `f(coarse cell, slot, Some(slots))` for the slots of one tile with others that they may touch, each
     /// pair once; and before that `f(coarse cell, slot, None)` once for each slot.
     pub fn each_in_tile(&self, tile: usize, mut f: impl FnMut(usize, usize, Option<std::ops::Range<usize>>)) {
-        let t = self.tiles[tile];
-        for level in 0..self.levels {
-            let s = self.levels - 1 - level;
+        let Some(t) = self.tiles[tile] else { return self.each_wide(f) };
+        let dims = self.level_dims(self.base);
+        for level in 0..=self.base {
+            let s = self.base - level;
             let low = std::array::from_fn(|a| (t[a] * self.tile) << s);
-            let high = std::array::from_fn(|a| ((t[a] + 1) * self.tile).min(self.dims[a]) << s);
-            each_cell(&low, &high, |q| {
+            let high = std::array::from_fn(|a| ((t[a] + 1) * self.tile).min(dims[a]) << s);
+            each_cell(&low, &high, |q| self.each_in_cell(level, q, self.base, &mut f));
+        }
+    }
+
+    /// The same for the grains on levels above the base.
+    fn each_wide(&self, mut f: impl FnMut(usize, usize, Option<std::ops::Range<usize>>)) {
+        for level in self.base + 1..self.levels {
+            let dims = self.level_dims(level);
+            each_cell(&[0; D], &dims, |q| {
+                self.each_in_cell(level, q, self.levels - 1, &mut f);
                 let own = self.slots(self.cell(level, q));
-                if own.is_empty() {
-                    return;
+                let coarse = self.coarse_index(&q.map(|q| q >> (self.levels - 1 - level)));
+                for finer in (0..=self.base).filter(|_| !own.is_empty()) {
+                    let s = level - finer;
+                    let low = std::array::from_fn(|a| (q[a] - 1).max(0) << s);
+                    let high = std::array::from_fn(|a| (q[a] + 2).min(dims[a]) << s);
+                    each_cell(&low, &high, |p| {
+                        let others = self.slots(self.cell(finer, p));
+                        own.clone().for_each(|a| f(coarse, a, Some(others.clone())));
+                    });
                 }
-                let coarse = self.coarse_index(&q.map(|q| q >> s));
-                for a in own.clone() {
-                    f(coarse, a, None);
-                    f(coarse, a, Some(a + 1..own.end));
-                }
-                self.others(level, q, |others| own.clone().for_each(|a| f(coarse, a, Some(others.clone()))));
             });
         }
     }
 
-    /// Slots in the later cells of the level and in all neighbouring cells of the coarser ones.
-    fn others(&self, level: usize, q: &[i64; D], mut f: impl FnMut(std::ops::Range<usize>)) {
-        for l in level..self.levels {
+    /// Calls `f` for the slots of a cell, with each other and with those around it on its level and coarser ones up to `most`.
+    fn each_in_cell(
+        &self,
+        level: usize,
+        q: &[i64; D],
+        most: usize,
+        f: &mut impl FnMut(usize, usize, Option<std::ops::Range<usize>>),
+    ) {
+        let own = self.slots(self.cell(level, q));
+        if own.is_empty() {
+            return;
+        }
+        let coarse = self.coarse_index(&q.map(|q| q >> (self.levels - 1 - level)));
+        for a in own.clone() {
+            f(coarse, a, None);
+            f(coarse, a, Some(a + 1..own.end));
+        }
+        for l in level..=most {
             let dims = self.level_dims(l);
             let home = q.map(|q| q >> (l - level));
             let offsets = if l == level { &self.later } else { &self.around };
             for offset in offsets {
                 if let Some(p) = inside(&home, offset, &dims) {
-                    let slots = self.slots(self.cell(l, &p));
-                    if !slots.is_empty() {
-                        f(slots);
+                    let others = self.slots(self.cell(l, &p));
+                    if !others.is_empty() {
+                        own.clone().for_each(|a| f(coarse, a, Some(others.clone())));
                     }
                 }
             }
@@ -339,14 +396,15 @@ mod tests {
     use super::*;
     use rand::{Rng, SeedableRng};
 
-    fn pairs_match_brute_force<const D: usize>(radii: [f64; 2], reach: f64) {
+    fn pairs_match_brute_force<const D: usize>(radii: [f64; 2], every: usize, far: f64) -> Grid<D> {
+        let reach = 0.02;
         let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
         let n = 400;
         let x: Vec<Vector<D>> = (0..n).map(|_| Vector::from_fn(|_, _| rng.random_range(0.0..10.0))).collect();
-        let r: Vec<f64> = (0..n).map(|k| if k % 40 == 0 { radii[1] } else { radii[0] }).collect();
+        let r: Vec<f64> = (0..n).map(|k| if k % every == 0 { radii[1] } else { radii[0] }).collect();
         let mut x = x;
-        x[5] = Vector::repeat(1e6); // an outlier, and one beside it
-        x[6] = Vector::repeat(1e6 + radii[0]);
+        x[5] = Vector::repeat(far); // an outlier, and one beside it
+        x[6] = Vector::repeat(far + radii[0]);
         let mut grid = Grid::<D>::default();
         grid.build(&x, &r, reach);
         let close = |i: usize, j: usize| (x[i] - x[j]).norm() < r[i] + r[j] + reach;
@@ -365,13 +423,24 @@ mod tests {
         let all: Vec<_> =
             (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).filter(|&(i, j)| close(i, j)).collect();
         assert_eq!(found, all);
+        grid
     }
 
     #[test]
     fn every_pair_is_met_once() {
-        pairs_match_brute_force::<2>([0.1, 0.1], 0.05);
-        pairs_match_brute_force::<2>([0.02, 2.0], 0.01);
-        pairs_match_brute_force::<3>([0.3, 0.3], 0.05);
-        pairs_match_brute_force::<3>([0.1, 2.0], 0.01);
+        pairs_match_brute_force::<2>([0.1, 0.1], 40, 1e6);
+        pairs_match_brute_force::<2>([0.1, 0.1], 40, 5.0);
+        pairs_match_brute_force::<2>([0.02, 2.0], 40, 5.0);
+        pairs_match_brute_force::<3>([0.3, 0.3], 40, 1e6);
+        pairs_match_brute_force::<3>([0.3, 2.0], 40, 5.0);
+    }
+
+    #[test]
+    fn one_large_grain_does_not_widen_the_tiles_of_the_others() {
+        let grid = pairs_match_brute_force::<2>([0.1, 0.5], 400, 5.0);
+        assert!(grid.levels > 1 && grid.base == 0, "levels {}, base {}", grid.levels, grid.base);
+        assert_eq!(grid.tiles.iter().filter(|tile| tile.is_none()).count(), 1);
+        let grid = pairs_match_brute_force::<2>([0.1, 0.5], 4, 5.0);
+        assert!(grid.tiles.iter().all(Option::is_some), "many large grains are swept with the others");
     }
 }
