@@ -11,7 +11,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
 use tracing::{info, warn};
-use voidage_coupling::{Error, Result, StepReport};
+use voidage_coupling::{Error, Notice, Result, StepReport};
 use voidage_remote::launch::Host;
 use voidage_scene::Scene;
 use voidage_scene::compare::{Difference, Finding};
@@ -88,7 +88,7 @@ pub fn compare(options: &Options) -> Result<u8> {
         name.into()
     });
     if options.fluids.len() < 2 {
-        return Err(Error::Input("--fluids: give at least two, separated by commas".into()));
+        return Err(Error::input("--fluids: give at least two, separated by commas"));
     }
     let candidates = candidates(options, &folder)?;
     start_threads(options.threads)?;
@@ -120,8 +120,8 @@ fn candidates(options: &Options, folder: &Path) -> Result<Vec<Candidate>> {
         sets.extend(options.process.sets(Some(name))?);
         let scene = Scene::read(&options.scene, &sets)?;
         let Some(density) = scene.fluid.as_ref().map(|fluid| fluid.density) else {
-            let what = "the scene has no fluid\n  help: there is nothing to compare";
-            return Err(Error::Input(format!("{}: {what}", options.scene.display())));
+            let notice = Notice::new("the scene has no fluid", "there is nothing to compare");
+            return Err(Error::input(notice.within(options.scene.display())));
         };
         let log = folder.join(format!("{}.log", name.replace([':', '/'], "-")));
         candidates.push(Candidate { name: name.clone(), scene, density, host: run::host(log) });
@@ -136,7 +136,7 @@ fn same_states(options: &Options, candidates: &[Candidate]) -> Result<Vec<Findin
     let moments = if options.at.is_empty() { &MOMENTS[..] } else { &options.at };
     let moments: Vec<u64> = moments.iter().copied().filter(|step| (1..=end).contains(step)).collect();
     let Some(&last) = moments.iter().max() else {
-        return Err(Error::Input(format!("--at {:?}: the scene has the steps 1 to {end}", options.at)));
+        return Err(Error::input(format!("--at {:?}: the scene has the steps 1 to {end}", options.at)));
     };
     let mut simulation = Simulation::hosted(&first.scene, &first.host)?;
     let mut backends = Vec::new();
@@ -210,7 +210,7 @@ fn show(progress: &mut Progress, simulation: &Simulation, report: &StepReport) {
 }
 
 fn write_rows(path: &Path, step: f64, findings: &[Finding]) -> Result<()> {
-    let failed = |error: csv::Error| Error::Run(format!("cannot write {}: {error}", path.display()));
+    let failed = |error: csv::Error| Error::run(format!("cannot write {}: {error}", path.display()));
     let mut file = csv::Writer::from_path(path).map_err(failed)?;
     for finding in findings {
         for difference in &finding.differences {

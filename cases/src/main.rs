@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use voidage::{check, compare, doctor, plot, progress, report, run, stability, study, verify};
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_remote::transport::Address;
 use voidage_scene::{Scene, json_schema};
 
@@ -121,8 +121,8 @@ fn perform(command: Command) -> Result<u8> {
         Command::Plot { folder } => {
             let pictures = plot::draw(&folder)?;
             if pictures.is_empty() {
-                let what = "holds neither series.csv nor frames\n  help: give the folder of a run (its option --out)";
-                return Err(Error::Input(format!("{}: {what}", folder.display())));
+                let what = format!("{}: holds neither series.csv nor frames", folder.display());
+                return Err(Error::input(Notice::new(what, plot::FOLDER)));
             }
             pictures.iter().for_each(|picture| println!("{}", picture.display()));
             Ok(0)
@@ -134,7 +134,7 @@ fn perform(command: Command) -> Result<u8> {
         }
         Command::Serve { connect, wait } => {
             let wait = Duration::try_from_secs_f64(wait)
-                .map_err(|error| Error::Input(format!("--wait {wait}: {error}")))?;
+                .map_err(|error| Error::input(format!("--wait {wait}: {error}")))?;
             voidage_remote::serve::serve(&connect, wait)?;
             Ok(0)
         }

@@ -17,12 +17,7 @@ pub fn print(error: &Error) {
     match error {
         Error::Scene(error) => eprintln!("{:?}", Report::new(Underlined::new(error))),
         other => {
-            let text = other.to_string();
-            let (message, help) = text.split_once("\n  help: ").unwrap_or((&text, ""));
-            eprintln!("error: {message}");
-            if !help.is_empty() {
-                eprintln!("  help: {help}");
-            }
+            eprintln!("error: {}", other.notice());
         }
     }
 }
@@ -41,12 +36,12 @@ impl Underlined {
         let name = error.file.display();
         let (message, span) = match &error.place {
             Place::File { span, line, column } => {
-                (format!("{name}:{line}:{column}: {}", error.message), Some((span.start, span.len())))
+                (format!("{name}:{line}:{column}: {}", error.notice.what), Some((span.start, span.len())))
             }
-            Place::Set(option) => (format!("{name}: --set {option}: {}", error.message), None),
+            Place::Set(option) => (format!("{name}: --set {option}: {}", error.notice.what), None),
         };
         let source = NamedSource::new(name.to_string(), error.text.to_string());
-        Underlined { message, help: error.help.clone(), source, span }
+        Underlined { message, help: error.notice.help.clone(), source, span }
     }
 }
 

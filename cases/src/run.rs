@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use tracing::{info, warn};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_dem::Rounded;
 use voidage_remote::launch::Host;
 use voidage_scene::Simulation;
@@ -65,7 +65,7 @@ impl Process {
     /// The options as changes of the scene, with the choice of a fluid solver.
     pub fn sets(&self, fluid: Option<&str>) -> Result<Vec<String>> {
         let solver = fluid.map(str::parse::<Solver>).transpose();
-        let solver = solver.map_err(|error| Error::Input(format!("--fluid {error}")))?;
+        let solver = solver.map_err(|error| Error::input(error.within("--fluid")))?;
         let mut sets: Vec<String> = solver.iter().map(Solver::setting).collect();
         sets.extend(self.transport.iter().map(|transport| format!("fluid.backend.transport={transport:?}")));
         sets.extend(self.timeout.map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
@@ -115,11 +115,11 @@ pub fn host(log: PathBuf) -> Host {
 /// Starts the worker threads, one per core unless a number is asked for; how many there are.
 pub fn start_threads(asked: Option<usize>) -> Result<usize> {
     if asked == Some(0) {
-        return Err(Error::Input("--threads 0: there must be a thread\n  help: give 1 or more".into()));
+        return Err(Error::input(Notice::new("--threads 0: there must be a thread", "give 1 or more")));
     }
     // With the calling thread as one of them: else it hands every parallel loop over to another thread and sleeps.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(asked.unwrap_or(0)).use_current_thread();
-    pool.build_global().map_err(|error| Error::Run(format!("cannot start threads: {error}")))?;
+    pool.build_global().map_err(|error| Error::run(format!("cannot start threads: {error}")))?;
     Ok(rayon::current_num_threads())
 }
 
@@ -132,7 +132,7 @@ pub fn catch_interrupts() -> Result<Arc<AtomicBool>> {
             std::process::exit(130); // asked twice: at once
         }
     };
-    ctrlc::set_handler(handler).map_err(|error| Error::Run(format!("cannot catch Ctrl-C: {error}")))?;
+    ctrlc::set_handler(handler).map_err(|error| Error::run(format!("cannot catch Ctrl-C: {error}")))?;
     Ok(flag)
 }
 

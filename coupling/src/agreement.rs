@@ -1,7 +1,7 @@
 //! How far grains and fluid are from each other at the end of a step, and what is carried to the next.
 
-use crate::Interaction;
 use crate::load::{GrainLoad, HeatLoad};
+use crate::{Interaction, Notice};
 use serde::{Deserialize, Serialize};
 use voidage_dem::{Dem, Vector};
 
@@ -153,7 +153,7 @@ fn share(sum: f64, scale: f64) -> f64 {
 
 impl Agreement {
     /// What to tell the user of a step that did not converge, and which option helps.
-    pub fn complaint(&self) -> Option<String> {
+    pub fn complaint(&self) -> Option<Notice> {
         let heat = match self.heat_disagreement > self.disagreement {
             true => format!("; temperatures by {:.1e} of their range", self.heat_disagreement),
             false => String::new(),
@@ -172,12 +172,12 @@ impl Agreement {
             true => "the step was cut as far as coupling.cut does: set",
             false => "set coupling.cut = {} (steps in halves where needed),",
         };
-        let text = format!(
-            "grains and fluid disagree by {:.1e} of weight and force after {} solutions{grains}{heat}\n  \
-             help: {help} more coupling.iteration.most, or a smaller time.step",
+        let what = format!(
+            "grains and fluid disagree by {:.1e} of weight and force after {} solutions{grains}{heat}",
             self.disagreement, self.solves
         );
-        (!self.converged).then_some(text)
+        let help = format!("{help} more coupling.iteration.most, or a smaller time.step");
+        (!self.converged).then(|| Notice::new(what, help))
     }
 
     /// This part of a step after another one, with solutions spent on attempts beside: the worse of both.

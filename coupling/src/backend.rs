@@ -117,7 +117,7 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
 
     fn solve(&mut self, step: &FluidStep<'_, D>, out: &mut Solution<D>) -> Result<()> {
         let Some((_, flow)) = &mut self.flow else {
-            return Err(crate::Error::Run("the fluid solver was used before it got a mesh".into()));
+            return Err(crate::Error::run("the fluid solver was used before it got a mesh"));
         };
         flow.follow(step.motion.as_ref())?;
         let voidage = step.immersed.map_or(&self.clear[..], |immersed| immersed.voidage);

@@ -4,6 +4,49 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::{fmt, io, ops::Range};
 
+/// What is wrong, and what helps.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Notice {
+    /// What is wrong, where, and what is allowed.
+    pub what: String,
+    /// What to do; empty where nothing is known that helps.
+    pub help: String,
+}
+
+/// Between the two in a text.
+const HELP: &str = "\n  help: ";
+
+impl Notice {
+    /// A notice with help.
+    pub fn new(what: impl Into<String>, help: impl Into<String>) -> Self {
+        Self { what: what.into(), help: help.into() }
+    }
+
+    /// A notice as another process has written it.
+    pub fn read(text: &str) -> Self {
+        let (what, help) = text.split_once(HELP).unwrap_or((text, ""));
+        Self::new(what, help)
+    }
+
+    /// The same with where it happened before what is wrong.
+    pub fn within(self, place: impl fmt::Display) -> Self {
+        Self { what: format!("{place}: {}", self.what), ..self }
+    }
+}
+
+impl<T: Into<String>> From<T> for Notice {
+    fn from(what: T) -> Self {
+        Self::new(what, "")
+    }
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(&self.what)?;
+        if self.help.is_empty() { Ok(()) } else { write!(f, "{HELP}{}", self.help) }
+    }
+}
+
 /// Errors of the coupling. Non-convergence is part of a result and not an error.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -12,7 +55,7 @@ pub enum Error {
     Scene(Box<SceneError>),
     /// Another input (a restart file, a directory, an option) is wrong; the text says what is allowed.
     #[error("{0}")]
-    Input(String),
+    Input(Notice),
     /// The fluid could not be made or solved.
     #[error(transparent)]
     Fluid(#[from] voidage_fluid::Error),
@@ -34,39 +77,62 @@ pub enum Error {
     Peer(#[from] PeerError),
     /// After a step grains are further in each other or in walls than the scene allows; the state is that of the end of the step.
     #[error("{0}")]
-    Penetration(String),
+    Penetration(Notice),
     /// Whoever watched asked for an end before the first step.
     #[error("interrupted while grains were placed")]
     Interrupted,
     /// The run cannot go on.
     #[error("{0}")]
-    Run(String),
+    Run(Notice),
 }
 
 /// What can go wrong with a process at the other end of a channel.
 #[derive(Debug, thiserror::Error)]
+#[error("{}", self.notice())]
 pub enum PeerError {
     /// It has ended, or was killed.
-    #[error("it is gone\n  help: `voidage doctor` says whether a solver can start here")]
     Gone,
     /// It is there and says nothing.
-    #[error(
-        "it has been silent for {seconds} s: it hangs, or a step takes longer than the time-out\n  \
-         help: `--timeout S` allows S seconds without a sign of life"
-    )]
     Silent {
         /// How long, s.
         seconds: f64,
     },
     /// It reports an error of its own, in its own words.
-    #[error("it reports: {0}")]
-    Failed(String),
+    Failed(Notice),
     /// It sent something that is no frame of this protocol.
-    #[error("it sent what this version of voidage does not understand: {0}")]
-    Protocol(String),
-    /// The channel cannot be opened or used; the text says why and what to do.
-    #[error("{0}")]
-    Channel(String),
+    Protocol(Notice),
+    /// The channel cannot be opened or used.
+    Channel(Notice),
+}
+
+impl PeerError {
+    /// Something that is no frame of this protocol.
+    pub fn protocol(notice: impl Into<Notice>) -> Self {
+        Self::Protocol(notice.into())
+    }
+
+    /// A channel that cannot be opened or used.
+    pub fn channel(notice: impl Into<Notice>) -> Self {
+        Self::Channel(notice.into())
+    }
+
+    /// What a reader is told.
+    pub fn notice(&self) -> Notice {
+        match self {
+            Self::Gone => Notice::new("it is gone", "`voidage doctor` says whether a solver can start here"),
+            Self::Silent { seconds } => Notice::new(
+                format!(
+                    "it has been silent for {seconds} s: it hangs, or a step takes longer than the time-out"
+                ),
+                "`--timeout S` allows S seconds without a sign of life",
+            ),
+            Self::Failed(notice) => notice.clone().within("it reports"),
+            Self::Protocol(notice) => {
+                notice.clone().within("it sent what this version of voidage does not understand")
+            }
+            Self::Channel(notice) => notice.clone(),
+        }
+    }
 }
 
 /// Result of the coupling.
@@ -76,6 +142,28 @@ impl Error {
     /// Whether the input is wrong (exit code 2) rather than the run (exit code 1).
     pub fn is_input(&self) -> bool {
         matches!(self, Error::Scene(_) | Error::Input(_) | Error::Grains(_))
+    }
+
+    /// A wrong input.
+    pub fn input(notice: impl Into<Notice>) -> Self {
+        Error::Input(notice.into())
+    }
+
+    /// A run that cannot go on.
+    pub fn run(notice: impl Into<Notice>) -> Self {
+        Error::Run(notice.into())
+    }
+
+    /// What a reader is told; of a scene without its place.
+    pub fn notice(&self) -> Notice {
+        match self {
+            Error::Scene(error) => error.notice.clone(),
+            Error::Input(notice) | Error::Penetration(notice) | Error::Run(notice) => notice.clone(),
+            Error::Peer(error) => error.notice(),
+            Error::Fluid(_) | Error::Grains(_) | Error::File { .. } | Error::Interrupted => {
+                self.to_string().into()
+            }
+        }
     }
 
     /// An error of the file system at `path`.
@@ -115,10 +203,8 @@ pub struct SceneError {
     pub text: Arc<str>,
     /// Where.
     pub place: Place,
-    /// What is wrong: names the key and the value.
-    pub message: String,
-    /// What is allowed.
-    pub help: String,
+    /// What is wrong, with the key and the value, and what is allowed.
+    pub notice: Notice,
 }
 
 impl std::error::Error for SceneError {}
@@ -129,10 +215,6 @@ impl fmt::Display for SceneError {
             Place::File { line, column, .. } => write!(f, "{}:{line}:{column}: ", self.file.display())?,
             Place::Set(option) => write!(f, "{}: --set {option}: ", self.file.display())?,
         }
-        f.write_str(&self.message)?;
-        if !self.help.is_empty() {
-            write!(f, "\n  help: {}", self.help)?;
-        }
-        Ok(())
+        self.notice.fmt(f)
     }
 }

@@ -169,11 +169,11 @@ struct Vacant;
 
 impl<const D: usize> FluidBackend<D> for Vacant {
     fn set_mesh(&mut self, _: &Mesh<D>, _: u32, _: &State<D>) -> Result<()> {
-        Err(Error::Run("there is no fluid solver here".into()))
+        Err(Error::run("there is no fluid solver here"))
     }
 
     fn solve(&mut self, _: &FluidStep<'_, D>, _: &mut Solution<D>) -> Result<()> {
-        Err(Error::Run("there is no fluid solver here".into()))
+        Err(Error::run("there is no fluid solver here"))
     }
 
     fn accept(&mut self) {}

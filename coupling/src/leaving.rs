@@ -1,6 +1,6 @@
 //! Grains that leave the mesh: through an open boundary they leave the run, through any other part that is an error.
 
-use crate::{Error, Mixture, Result};
+use crate::{Error, Mixture, Notice, Result};
 use voidage_dem::retain;
 use voidage_fluid::conditions::FlowCondition;
 use voidage_fluid::{Mesh, Vector};
@@ -35,7 +35,7 @@ impl<const D: usize> Mixture<D> {
                 let place = place.as_slice();
                 let text =
                     format!("grain {id}: its position {place:?} or radius {radius} is not a finite number");
-                return Err(Error::Run(text));
+                return Err(Error::run(text));
             }
             let part = nearest_part(&self.fluid.mesh, &place);
             let name = part.map_or("", |part| self.fluid.mesh.boundaries[part].name.as_str());
@@ -43,11 +43,13 @@ impl<const D: usize> Mixture<D> {
             if condition.is_some_and(|condition| matches!(condition.flow, FlowCondition::Open { .. })) {
                 continue;
             }
-            return Err(Error::Run(format!(
-                "grain {id} at {:?} of radius {radius} lies outside of the mesh, behind its boundary \"{name}\"\n  \
-                 help: keep grains in by [[walls]], or open that boundary; where a long step throws them out, \
-                 coupling.cut = {{}} or a smaller time.step",
-                place.as_slice()
+            let place = place.as_slice();
+            return Err(Error::run(Notice::new(
+                format!(
+                    "grain {id} at {place:?} of radius {radius} lies outside of the mesh, behind its boundary \"{name}\""
+                ),
+                "keep grains in by [[walls]], or open that boundary; where a long step throws them out, \
+                 coupling.cut = {} or a smaller time.step",
             )));
         }
         Ok(())

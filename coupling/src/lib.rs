@@ -24,7 +24,7 @@ pub mod scheme;
 pub mod step;
 
 pub use agreement::{Agreement, Carried};
-pub use error::{Error, PeerError, Result};
+pub use error::{Error, Notice, PeerError, Result};
 pub use fluid::{Clock, Fluid};
 pub use interaction::{Interaction, Laws};
 pub use mixture::Mixture;

@@ -6,7 +6,7 @@ use crate::exchange::{OnMesh, Rigid};
 use crate::interaction::relative;
 use crate::load::GrainLoad;
 use crate::scheme::anchored::Forcing;
-use crate::{Error, Fluid, HEAT, Interaction, Result, StepReport, overlap};
+use crate::{Error, Fluid, HEAT, Interaction, Notice, Result, StepReport, overlap};
 use rayon::prelude::*;
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
@@ -54,9 +54,9 @@ impl<const D: usize> Mixture<D> {
     fn needs(&self, phase: Phase, called: &str, first: &str) -> Result<()> {
         match self.phase >= phase {
             true => Ok(()),
-            false => Err(Error::Run(format!(
-                "a scheme called `{called}` before `{first}` of this step\n  \
-                 help: the phases are cut_grains, evaluate_closures, solve_fluid, move_grains or drive_grains, accept"
+            false => Err(Error::run(Notice::new(
+                format!("a scheme called `{called}` before `{first}` of this step"),
+                "the phases are cut_grains, evaluate_closures, solve_fluid, move_grains or drive_grains, accept",
             ))),
         }
     }

@@ -201,7 +201,7 @@ fn bounds(frame: Frame, points: &[[f64; 2]]) -> ([i64; 2], [i64; 2]) {
 }
 
 fn failed(path: &Path, error: &dyn std::fmt::Display) -> Error {
-    Error::Run(format!("{}: cannot draw: {error}", path.display()))
+    Error::run(format!("{}: cannot draw: {error}", path.display()))
 }
 
 /// Text of a size in points of the saved picture.

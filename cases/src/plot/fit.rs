@@ -33,7 +33,7 @@ impl Exponential {
     /// Writes the fit as JSON.
     pub fn write(&self, path: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self)
-            .map_err(|error| Error::Run(format!("{}: {error}", path.display())))?;
+            .map_err(|error| Error::run(format!("{}: {error}", path.display())))?;
         write_whole(path, |file| writeln!(file, "{text}"))
     }
 }

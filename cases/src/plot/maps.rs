@@ -18,7 +18,7 @@ struct Grid<'a> {
 /// Draws both maps.
 pub fn draw(folder: &Path, table: &Table) -> Result<Vec<PathBuf>> {
     let Some(grid) = Grid::new(table) else {
-        return Err(Error::Input(format!(
+        return Err(Error::input(format!(
             "{}: is no table of averages",
             folder.join("averages.csv").display()
         )));

@@ -12,16 +12,19 @@ mod table;
 use std::path::{Path, PathBuf};
 use table::Table;
 use tracing::info;
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Scene;
 use voidage_scene::compare::Finding;
 use voidage_scene::recorder::{Summary, read_collection};
 
+/// Which folders have pictures.
+pub const FOLDER: &str = "give the folder of a run (its option --out)";
+
 /// Draws all pictures that the files in a folder allow.
 pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
     if !folder.join("scene.toml").is_file() {
-        let help = "give the folder of a run (its option --out)";
-        return Err(Error::Input(format!("{}: holds no scene.toml\n  help: {help}", folder.display())));
+        let what = format!("{}: holds no scene.toml", folder.display());
+        return Err(Error::input(Notice::new(what, FOLDER)));
     }
     let scene = Scene::read(&folder.join("scene.toml"), &[])?;
     let mut drawn = Vec::new();

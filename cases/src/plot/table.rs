@@ -12,7 +12,7 @@ pub struct Table {
 impl Table {
     /// Reads a CSV file with a header. An unfinished last row is left out.
     pub fn read(path: &Path) -> Result<Table> {
-        let wrong = |what: String| Error::Input(format!("{}: {what}", path.display()));
+        let wrong = |what: String| Error::input(format!("{}: {what}", path.display()));
         let reader = csv::ReaderBuilder::new().flexible(true).from_path(path);
         let mut reader = reader.map_err(|error| wrong(error.to_string()))?;
         let names: Vec<String> =

@@ -311,7 +311,7 @@ impl Bed {
             }
             let fastest = system.grains().into_iter().flat_map(|grains| &grains.particles.velocity);
             if fastest.fold(0.0, |most: f64, v| most.max(v.norm())) > RUNAWAY {
-                return Err(Error::Run("the grains run away".into()));
+                return Err(Error::run("the grains run away"));
             }
             if step % LOOK == 0 {
                 steady = if (now - push).abs() <= STEADY * now.abs() { steady + 1 } else { 0 };

@@ -182,7 +182,7 @@ fn stay(system: &mut Coupled<2>, speed: f64, (dt, steps): (f64, usize), tally: &
         stay.fastest = velocities.fold(0.0, |most: f64, v| most.max(v.norm()));
         // Much faster than anything in a bed that is barely fluidised.
         if stay.fastest > 100.0 * speed {
-            return Err(Error::Run("the grains run away".into()));
+            return Err(Error::run("the grains run away"));
         }
         stay.course.push([pushed(system), before]);
     }

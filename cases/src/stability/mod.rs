@@ -29,7 +29,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use tracing::warn;
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::recorder::create_folder;
 
 /// Options of `voidage stability`.
@@ -158,9 +158,8 @@ fn choose(names: &[String]) -> Result<Vec<Axis>> {
     if let Some(name) = names.iter().find(|name| !all.iter().any(|axis| axis.name == *name)) {
         let known: Vec<&str> = all.iter().map(|axis| axis.name).collect();
         let known = known.join(", ");
-        return Err(Error::Input(format!(
-            "--only {name}: there is no such axis\n  help: use one of {known}"
-        )));
+        let what = format!("--only {name}: there is no such axis");
+        return Err(Error::input(Notice::new(what, format!("use one of {known}"))));
     }
     let wanted = |axis: &Axis| names.is_empty() || names.iter().any(|name| name == axis.name);
     Ok(all.into_iter().filter(wanted).collect())

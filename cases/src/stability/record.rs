@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 
 /// A point as it stands in the table.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -65,8 +65,9 @@ struct Table<T> {
 impl<T: Serialize + DeserializeOwned> Table<T> {
     /// The table at a path, with the rows that are there.
     fn open(path: PathBuf) -> Result<Self> {
-        let failed =
-            |error: csv::Error| Error::Input(format!("{}: {error}\n  help: remove it", path.display()));
+        let failed = |error: csv::Error| {
+            Error::input(Notice::new(format!("{}: {error}", path.display()), "remove it"))
+        };
         let rows = match path.exists() {
             true => {
                 let mut reader = csv::Reader::from_path(&path).map_err(failed)?;
@@ -82,7 +83,7 @@ impl<T: Serialize + DeserializeOwned> Table<T> {
 
     /// Adds a row; it is on disk when this returns.
     fn add(&mut self, row: T) -> Result<()> {
-        let failed = |error: csv::Error| Error::Run(format!("cannot write {}: {error}", self.path.display()));
+        let failed = |error: csv::Error| Error::run(format!("cannot write {}: {error}", self.path.display()));
         self.writer.serialize(&row).map_err(failed)?;
         self.writer.flush().map_err(|error| failed(error.into()))?;
         self.rows.push(row);
@@ -95,7 +96,7 @@ impl<T: Serialize + DeserializeOwned> Table<T> {
             return Ok(());
         }
         self.rows.sort_by_key(key);
-        let failed = |error: csv::Error| Error::Run(format!("cannot write {}: {error}", self.path.display()));
+        let failed = |error: csv::Error| Error::run(format!("cannot write {}: {error}", self.path.display()));
         // Beside it first: what is there is whole at any time.
         let beside = self.path.with_extension("part");
         let mut writer = csv::Writer::from_path(&beside).map_err(failed)?;

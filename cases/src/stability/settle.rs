@@ -255,7 +255,7 @@ impl Suspension {
             let now = end.last;
             end.fastest = end.fastest.max(now);
             if now > RUNAWAY * terminal {
-                return Err(Error::Run("the grains run away".into()));
+                return Err(Error::run("the grains run away"));
             }
             if now > REST * terminal {
                 moved = end.time;
@@ -271,7 +271,7 @@ impl Suspension {
                 break;
             }
         }
-        let grains = system.grains().ok_or_else(|| Error::Run("no grains".into()))?;
+        let grains = system.grains().ok_or_else(|| Error::run("no grains"))?;
         end.particles = grains.particles.clone();
         let places = &end.particles.position;
         end.height = places.iter().map(|x| x.y).sum::<f64>() / places.len() as f64;

@@ -91,7 +91,7 @@ pub fn run(task: &Task, repeats: usize, clock: Clock, interrupted: &AtomicBool) 
 /// One process; none if it was interrupted.
 fn once(task: &Task, interrupted: &AtomicBool) -> Result<Option<Answer>> {
     let cannot =
-        |error: &dyn std::fmt::Display| Error::Run(format!("cannot run a process of this program: {error}"));
+        |error: &dyn std::fmt::Display| Error::run(format!("cannot run a process of this program: {error}"));
     let program = std::env::current_exe().map_err(|error| cannot(&error))?;
     let mut command = Command::new(program);
     command.arg("measure").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());

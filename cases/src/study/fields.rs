@@ -28,7 +28,7 @@ impl Field {
         let Frame { points, cells, columns } = read_frame(path)?;
         let found = columns.into_iter().find(|found| found.name == column);
         let Some(found) = found else {
-            return Err(Error::Run(format!("{}: has no column {column}", path.display())));
+            return Err(Error::run(format!("{}: has no column {column}", path.display())));
         };
         let points = points.iter().map(|point| Vec2::new(point[0], point[1])).collect();
         let mesh = Mesh { boundaries: vec![outline(&cells)], points, cells };

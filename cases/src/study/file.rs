@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Origin;
 use voidage_scene::document::{self, Document};
 
@@ -237,9 +237,9 @@ impl Study {
     /// The file cannot be read, or something in it is wrong.
     pub fn read(file: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(file).map_err(|error| {
-            Error::Input(format!(
-                "{}: cannot read the study: {error}\n  help: give the path of a study, such as cases/studies/stack.toml",
-                file.display()
+            Error::input(Notice::new(
+                format!("{}: cannot read the study: {error}", file.display()),
+                "give the path of a study, such as cases/studies/stack.toml",
             ))
         })?;
         let (mut study, origin) = document::read::<Study>(file, &text)?;

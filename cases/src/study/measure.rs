@@ -14,7 +14,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use toml::Value;
-use voidage_coupling::{Error, Result, TEMPERATURE};
+use voidage_coupling::{Error, Notice, Result, TEMPERATURE};
 use voidage_scene::Simulation;
 use voidage_scene::recorder::{Summary, View, create_folder, readings};
 use voidage_scene::{Output, Scene};
@@ -65,7 +65,7 @@ pub struct Measured {
 pub fn measure() -> Result<u8> {
     let mut text = String::new();
     let broken = |error: &dyn std::fmt::Display| {
-        Error::Input(format!("measure: {error}\n  help: for `voidage study` only"))
+        Error::input(Notice::new(format!("measure: {error}"), "for `voidage study` only"))
     };
     std::io::stdin().read_line(&mut text).map_err(|error| broken(&error))?;
     let task: Task = serde_json::from_str(&text).map_err(|error| broken(&error))?;
@@ -88,7 +88,7 @@ fn perform(task: &Task) -> Result<Answer> {
         Case::Scene(file) => of_scene(file, task)?,
         Case::Problem(name) => {
             let problem =
-                problems::build(*name, &run.settings).map_err(|fault| Error::Input(fault.message))?;
+                problems::build(*name, &run.settings).map_err(|fault| Error::input(fault.notice.what))?;
             let solved = problem.solve()?;
             let value = |quantity: &Quantity| match &quantity.of {
                 Of::Error(name) => vec![solved.errors.get(name).copied().unwrap_or(f64::NAN)],

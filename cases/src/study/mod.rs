@@ -30,7 +30,7 @@ use record::{Record, Row};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use tracing::warn;
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::recorder::create_folder;
 
 /// Options of `voidage study`. Threads are those of each run, 1 unless the study says otherwise.
@@ -101,9 +101,8 @@ fn part<'a>(options: &Options, plan: &'a Plan) -> Result<(Vec<&'a Run>, String)>
     };
     if index >= count {
         let help = "parts are numbered from 0 to --count less 1";
-        return Err(Error::Input(format!(
-            "--index {index} --count {count}: there is no such part\n  help: {help}"
-        )));
+        let what = format!("--index {index} --count {count}: there is no such part");
+        return Err(Error::input(Notice::new(what, help)));
     }
     // Every part gets cheap and dear runs.
     Ok((plan.runs.iter().skip(index).step_by(count).collect(), format!("measured-{index}-of-{count}.csv")))

@@ -203,7 +203,7 @@ fn run(study: &Study, choice: Choice) -> Result<Run> {
     let (cost, case) = match (&study.case, study.scene()) {
         (Case::Problem(name), _) => {
             let fault = |fault: voidage_scene::document::Fault| {
-                study.error(&place(study, &choice, &fault.path), fault.message, fault.help)
+                study.error(&place(study, &choice, &fault.path), fault.notice.what, fault.notice.help)
             };
             let problem = problems::build(*name, settings).map_err(fault)?;
             problem.check().map_err(fault)?;
@@ -256,8 +256,8 @@ fn blame(study: &Study, choice: &Choice, error: Error) -> Error {
         && let Place::Set(option) = &scene.place
         && let Some((key, _)) = option.split_once('=')
     {
-        let what = format!("{}: {option}: {}", scene.file.display(), scene.message);
-        return study.error(&place(study, choice, key), what, scene.help.clone());
+        let what = format!("{}: {option}: {}", scene.file.display(), scene.notice.what);
+        return study.error(&place(study, choice, key), what, scene.notice.help.clone());
     }
     error
 }

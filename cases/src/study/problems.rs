@@ -14,7 +14,7 @@ use std::fmt;
 use std::path::Path;
 use std::time::Instant;
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_dem::{Acceleration, Load, Settings as Contacts};
 use voidage_remote::launch::{SYSTEM_PYTHON, interpreter, python};
 use voidage_scene::Solver;
@@ -80,7 +80,7 @@ pub fn build(name: ProblemName, settings: &Settings) -> Result<Box<dyn Problem>,
 
 /// A fault where a value is outside of its range.
 fn outside(key: &str, value: impl fmt::Display, help: &str) -> Result<(), Fault> {
-    Err(Fault { path: key.into(), message: format!("`{key} = {value}`: {help}"), help: help.into() })
+    Err(Fault { path: key.into(), notice: Notice::new(format!("`{key} = {value}`: {help}"), help) })
 }
 
 /// Steady flow with heat through a still field of voidage, made a solution by sources (C1 of `tests/manufactured.py`).
@@ -184,15 +184,15 @@ fn elsewhere(interpreter: &Path, module: &str, squares: usize) -> Result<Solved>
     let mut command = python(interpreter, &["-m", "voidage.manufactured", module, "--squares", &squares]);
     let output = command.output().map_err(|error| {
         let help = "`voidage doctor` says what is missing";
-        Error::Run(format!("cannot start {}: {error}\n  help: {help}", interpreter.display()))
+        Error::run(Notice::new(format!("cannot start {}: {error}", interpreter.display()), help))
     })?;
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         let last = said.lines().last().unwrap_or("it says nothing");
-        return Err(Error::Run(format!("{module} ({}): {last}", output.status)));
+        return Err(Error::run(format!("{module} ({}): {last}", output.status)));
     }
     serde_json::from_slice(&output.stdout)
-        .map_err(|error| Error::Run(format!("{module} gave no result: {error}")))
+        .map_err(|error| Error::run(format!("{module} gave no result: {error}")))
 }
 
 /// Grains and fluid turn against each other in a round box, without constraint; their slip decays exponentially. Error:
@@ -344,5 +344,5 @@ fn often(once: impl Fn() -> Result<Solved>) -> Result<Solved> {
     let middle = median(&all.iter().map(|solved: &Solved| solved.cost.steps_cpu_s).collect::<Vec<f64>>());
     let away = |solved: &Solved| (solved.cost.steps_cpu_s - middle).abs();
     let nearest = all.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)));
-    nearest.ok_or_else(|| Error::Run("nothing was run".into()))
+    nearest.ok_or_else(|| Error::run("nothing was run"))
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 
 /// A run as it stands in the table. The columns are the same for all studies.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -126,11 +126,8 @@ impl Record {
         let failed = |error| Error::file(&path, "write", error);
         let file = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
         if file.try_lock().is_err() {
-            let help = "wait for it, or give another --out";
-            return Err(Error::Input(format!(
-                "{}: another process is at work on it\n  help: {help}",
-                path.display()
-            )));
+            let what = format!("{}: another process is at work on it", path.display());
+            return Err(Error::input(Notice::new(what, "wait for it, or give another --out")));
         }
         let whole = whole(&path)?;
         file.set_len(whole.len() as u64).map_err(failed)?;
@@ -161,7 +158,7 @@ impl Record {
 
     /// Adds a row; it is on disk when this returns.
     pub fn add(&mut self, row: Row) -> Result<()> {
-        let failed = |error: csv::Error| Error::Run(format!("cannot write {}: {error}", self.path.display()));
+        let failed = |error: csv::Error| Error::run(format!("cannot write {}: {error}", self.path.display()));
         self.writer.serialize(&row).map_err(failed)?;
         self.writer.flush().map_err(|error| failed(error.into()))?;
         self.rows.insert(row.run.clone(), row);
@@ -185,9 +182,7 @@ fn read(path: &Path) -> Result<Vec<Row>> {
     let text = whole(path)?;
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     reader.deserialize().collect::<Result<_, _>>().map_err(|error| {
-        Error::Input(format!(
-            "{}: {error}\n  help: it is of another program or version: remove it",
-            path.display()
-        ))
+        let what = format!("{}: {error}", path.display());
+        Error::input(Notice::new(what, "it is of another program or version: remove it"))
     })
 }

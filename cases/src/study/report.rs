@@ -54,7 +54,7 @@ fn csv(study: &Study, plan: &Plan, lines: &[Line]) -> Result<Vec<u8>> {
     header.extend(["steps", "fluid_solves", "unconverged_steps"].map(String::from));
     header.extend(phases.iter().map(|phase| format!("{phase}_s")));
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let failed = |error: csv::Error| Error::Run(format!("cannot write the table: {error}"));
+    let failed = |error: csv::Error| Error::run(format!("cannot write the table: {error}"));
     writer.write_record(&header).map_err(failed)?;
     for (line, point) in all() {
         let row = &point.row;
@@ -74,7 +74,7 @@ fn csv(study: &Study, plan: &Plan, lines: &[Line]) -> Result<Vec<u8>> {
         record.extend(phases.iter().map(|phase| spent.get(phase).map_or(String::new(), f64::to_string)));
         writer.write_record(&record).map_err(failed)?;
     }
-    writer.into_inner().map_err(|error| Error::Run(format!("cannot write the table: {error}")))
+    writer.into_inner().map_err(|error| Error::run(format!("cannot write the table: {error}")))
 }
 
 /// What the axis of time says.

@@ -22,7 +22,7 @@ use record::Record;
 use std::collections::BTreeMap;
 use std::time::Instant;
 use tracing::warn;
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::recorder::create_folder;
 
 /// Options of `voidage verify`.
@@ -96,10 +96,8 @@ fn choose(names: &[String]) -> Result<Vec<Case>> {
     let named = |case: &Case, name: &String| case.name == name || case.group == name;
     if let Some(name) = names.iter().find(|name| !all.iter().any(|case| named(case, name))) {
         let known: Vec<&str> = all.iter().map(|case| case.name).collect();
-        return Err(Error::Input(format!(
-            "--only {name}: there is no such case\n  help: use fluid, coupled, grains or one of {}",
-            known.join(", ")
-        )));
+        let help = format!("use fluid, coupled, grains or one of {}", known.join(", "));
+        return Err(Error::input(Notice::new(format!("--only {name}: there is no such case"), help)));
     }
     Ok(all
         .into_iter()

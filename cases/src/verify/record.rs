@@ -55,7 +55,7 @@ impl Table {
 
     /// Adds rows; they are on disk when this returns.
     fn add<T: Serialize>(&mut self, rows: impl Iterator<Item = T>) -> Result<()> {
-        let failed = |error: csv::Error| Error::Run(format!("cannot write {}: {error}", self.path.display()));
+        let failed = |error: csv::Error| Error::run(format!("cannot write {}: {error}", self.path.display()));
         for row in rows {
             self.writer.serialize(row).map_err(failed)?;
         }

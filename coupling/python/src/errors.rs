@@ -18,7 +18,7 @@ pub struct Raised(Arc<Mutex<Option<PyErr>>>);
 impl Raised {
     /// Keeps an exception; the error of Rust has its text.
     pub fn keep(&self, py: Python<'_>, exception: PyErr) -> Error {
-        let error = Error::Run(exception.to_string());
+        let error = Error::run(exception.to_string());
         *self.slot() = Some(exception.clone_ref(py));
         error
     }
@@ -39,7 +39,7 @@ impl Raised {
 
     /// Raises what was kept without an error of Rust.
     pub fn check(&self, py: Python<'_>) -> PyResult<()> {
-        let kept = self.slot().as_ref().map(|raised| Error::Run(raised.to_string()));
+        let kept = self.slot().as_ref().map(|raised| Error::run(raised.to_string()));
         kept.map_or(Ok(()), |error| Err(self.exception(py, &error)))
     }
 

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError, TryLockError};
 use voidage_coupling::load::Law;
 use voidage_coupling::scheme::Scheme;
 use voidage_coupling::scheme::anchored::Forcing;
-use voidage_coupling::{Error, Mixture, Result, StepReport};
+use voidage_coupling::{Error, Mixture, Notice, Result, StepReport};
 
 /// A scheme that calls an object with a method `step(system, dt)`.
 pub struct PythonScheme {
@@ -43,8 +43,9 @@ impl Scheme<2> for PythonScheme {
             outcome.map_err(|raised| self.raised.keep(py, raised))?;
             match mixture.fluid.clock.steps - steps {
                 1 => Ok(report),
-                accepted => Err(Error::Run(format!(
-                    "the scheme accepted {accepted} solutions in a step\n  help: end `step` with one `system.accept()`"
+                accepted => Err(Error::run(Notice::new(
+                    format!("the scheme accepted {accepted} solutions in a step"),
+                    "end `step` with one `system.accept()`",
                 ))),
             }
         })
@@ -96,12 +97,12 @@ impl System {
                 Ok(held) => held,
                 Err(TryLockError::Poisoned(held)) => held.into_inner(),
                 Err(TryLockError::WouldBlock) => {
-                    return Err(Error::Run("the system is in the middle of a phase".into()));
+                    return Err(Error::run("the system is in the middle of a phase"));
                 }
             };
             match held.as_mut() {
                 Some(held) => work(held),
-                None => Err(Error::Run("the system can be used inside `step` of the scheme only".into())),
+                None => Err(Error::run("the system can be used inside `step` of the scheme only")),
             }
         });
         outcome.map_err(|error| self.raised.exception(py, &error))

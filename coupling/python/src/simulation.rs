@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use voidage_coupling::{Coupled, StepReport};
+use voidage_coupling::{Coupled, Notice, StepReport};
 use voidage_remote::launch::Host;
 use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
 use voidage_scene::{Scene, Solver, Time};
@@ -183,9 +183,9 @@ impl Simulation {
         work: impl FnOnce(&mut Coupled<2>) -> voidage_coupling::Result<R> + Send,
     ) -> PyResult<R> {
         let mut simulation = this.try_borrow_mut().map_err(|_| {
-            PyRuntimeError::new_err(
-                "the simulation is in the middle of a step\n  help: a scheme works on the `system` that it is given",
-            )
+            let what = "the simulation is in the middle of a step";
+            let notice = Notice::new(what, "a scheme works on the `system` that it is given");
+            PyRuntimeError::new_err(notice.to_string())
         })?;
         let raised = simulation.raised.clone();
         let inner = simulation.inner();
@@ -254,16 +254,17 @@ fn build(
 
 /// The threads of this process; they can be started once.
 fn start_threads(threads: usize) -> PyResult<()> {
+    let wrong = |what: &str, help| PyValueError::new_err(Notice::new(what, help).to_string());
     if threads == 0 {
-        return Err(PyValueError::new_err("threads=0: there must be a thread\n  help: give 1 or more"));
+        return Err(wrong("threads=0: there must be a thread", "give 1 or more"));
     }
     let started = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     let running = rayon::current_num_threads();
     match started {
-        Err(_) if running != threads => Err(PyValueError::new_err(format!(
-            "threads={threads}: this process has started {running} threads before\n  \
-             help: give `threads` to the first simulation, or set RAYON_NUM_THREADS"
-        ))),
+        Err(_) if running != threads => {
+            let what = format!("threads={threads}: this process has started {running} threads before");
+            Err(wrong(&what, "give `threads` to the first simulation, or set RAYON_NUM_THREADS"))
+        }
         _ => Ok(()),
     }
 }

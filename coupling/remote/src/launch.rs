@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use voidage_coupling::error::{Error, PeerError, Result};
+use voidage_coupling::error::{Error, Notice, PeerError, Result};
 
 /// The Python that Debian's dolfinx is for.
 pub const SYSTEM_PYTHON: &str = "/usr/bin/python3";
@@ -41,7 +41,7 @@ pub fn remote<const D: usize>(backend: &Backend, host: &Host, setup: &Setup<D>) 
     let timeout = Duration::try_from_secs_f64(backend.timeout()).unwrap_or(Duration::MAX);
     let name = backend.solver.name();
     if let Solver::Attach(address) = &backend.solver {
-        let address: Address = address.parse().map_err(Error::Input)?;
+        let address: Address = address.parse().map_err(Error::input)?;
         let (channel, _) = transport::listen(&address, timeout)?;
         return RemoteFluid::new(channel, None, name, timeout, setup);
     }
@@ -141,9 +141,9 @@ impl Process {
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let child = command.spawn().map_err(|error| {
-            Error::Run(format!(
-                "cannot start the fluid solver {}: {error}\n  help: `voidage doctor` says what is missing",
-                command.get_program().display()
+            Error::run(Notice::new(
+                format!("cannot start the fluid solver {}: {error}", command.get_program().display()),
+                "`voidage doctor` says what is missing",
             ))
         })?;
         Ok(Self { child, log: log.to_path_buf() })

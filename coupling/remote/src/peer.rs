@@ -41,7 +41,7 @@ impl Peer {
         peer.answer_text(Kind::Hello, &greeting)?;
         let setup = transport::receive(&mut *peer.channel, wait.max(LOOK), || Ok(()))?;
         if setup.kind() != Kind::Hello {
-            return Err(PeerError::Protocol(format!("{:?} instead of a hello", setup.kind())));
+            return Err(PeerError::protocol(format!("{:?} instead of a hello", setup.kind())));
         }
         peer.run = setup.header().run;
         Ok((peer, setup.text()?))
@@ -64,7 +64,7 @@ impl Peer {
             match self.channel.poll(left.min(LOOK))? {
                 Event::Frame(frame) if frame.header().run != self.run => {
                     let other = frame.header().run;
-                    return Err(PeerError::Protocol(format!("a frame of the run {other:x}")));
+                    return Err(PeerError::protocol(format!("a frame of the run {other:x}")));
                 }
                 Event::Frame(frame) => {
                     self.request = *frame.header();

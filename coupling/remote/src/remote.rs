@@ -8,7 +8,7 @@ use crate::protocol::{
 use crate::transport::{self, Channel, Frame};
 use std::time::{Duration, Instant};
 use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
-use voidage_coupling::error::{Error, PeerError, Result};
+use voidage_coupling::error::{Error, Notice, PeerError, Result};
 use voidage_fluid::Mesh;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::flow::State;
@@ -65,11 +65,11 @@ impl<const D: usize> RemoteFluid<D> {
         let hello = self.receive(START.max(self.timeout))?;
         let greeting: Greeting = match hello.kind() {
             Kind::Hello => serde_json::from_str(&hello.text()?)
-                .map_err(|error| PeerError::Protocol(format!("the hello: {error}")))?,
-            other => return Err(PeerError::Protocol(format!("{other:?} instead of a hello"))),
+                .map_err(|error| PeerError::protocol(format!("the hello: {error}")))?,
+            other => return Err(PeerError::protocol(format!("{other:?} instead of a hello"))),
         };
         self.name = format!("{} ({})", self.name, greeting.solver);
-        let text = serde_json::to_string(setup).map_err(|error| PeerError::Channel(error.to_string()))?;
+        let text = serde_json::to_string(setup).map_err(|error| PeerError::channel(error.to_string()))?;
         let length = numbers_for_text(&text) as u64;
         let header = Header { text: text.len() as u64, length, ..Header::new(Kind::Hello) };
         self.send(header, |payload| write_text(&text, payload))
@@ -97,16 +97,16 @@ impl<const D: usize> RemoteFluid<D> {
         self.send(header, write)?;
         let answer = self.receive(self.timeout)?;
         match answer.kind() {
-            Kind::Error => return Err(PeerError::Failed(answer.text()?)),
+            Kind::Error => return Err(PeerError::Failed(Notice::read(&answer.text()?))),
             other if other != kind => {
-                return Err(PeerError::Protocol(format!("{other:?} instead of {kind:?}")));
+                return Err(PeerError::protocol(format!("{other:?} instead of {kind:?}")));
             }
             _ => {}
         }
         let (theirs, ours) = (answer.header(), (header.step, header.iteration));
         if theirs.run != self.last.run || (theirs.step, theirs.iteration) != ours {
             let text = format!("the answer to step {}, solution {}", theirs.step, theirs.iteration);
-            return Err(PeerError::Protocol(text));
+            return Err(PeerError::protocol(text));
         }
         Ok(answer)
     }
@@ -118,9 +118,8 @@ impl<const D: usize> RemoteFluid<D> {
             (PeerError::Failed(_), _) | (_, None) => String::new(),
             (_, Some(process)) => process.last_words(&error),
         };
-        let text = error.to_string();
-        let (what, help) = text.split_at(text.find("\n  help: ").unwrap_or(text.len()));
-        Error::Run(format!("fluid solver {}: {what}{log}{help}", self.name))
+        let Notice { what, help } = error.notice();
+        Error::run(Notice::new(format!("fluid solver {}: {what}{log}", self.name), help))
     }
 
     fn ask_to_start(&mut self, mesh: &Mesh<D>, generation: u32, fields: &State<D>) -> Result<(), PeerError> {
@@ -154,7 +153,7 @@ impl<const D: usize> RemoteFluid<D> {
         let counts = (self.nodes, self.scalars.len(), step.conditions.len());
         read_solution(answer.header(), answer.payload(), counts, out)?;
         if let Some((field, node)) = out.not_finite(&self.scalars) {
-            return Err(PeerError::Protocol(format!(
+            return Err(PeerError::protocol(format!(
                 "{field} at node {node} is no number: the solver diverges"
             )));
         }

@@ -24,11 +24,11 @@ pub fn serve(address: &Address, wait: Duration) -> Result<()> {
             let conditions = model.conditions.clone();
             Server::new(RustFluid::<2, 3>::new(model), conditions).run(&mut peer)
         }
-        other => Err(Error::Run(format!("scenes in {other} dimensions are not built yet"))),
+        other => Err(Error::run(format!("scenes in {other} dimensions are not built yet"))),
     };
     match outcome {
         Err(Error::Peer(PeerError::Gone)) => {
-            Err(Error::Run(format!("the run at {address} is gone: it was killed, or the connection broke")))
+            Err(Error::run(format!("the run at {address} is gone: it was killed, or the connection broke")))
         }
         Err(error) => {
             // If the run cannot be told either, the first error is the cause.
@@ -42,7 +42,7 @@ pub fn serve(address: &Address, wait: Duration) -> Result<()> {
 }
 
 fn no_mesh() -> PeerError {
-    PeerError::Protocol("a step or a state before the mesh".into())
+    PeerError::protocol("a step or a state before the mesh")
 }
 
 /// A solver and what it is given.
@@ -77,7 +77,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
                 }
                 Kind::Step => self.solve(&frame, peer)?,
                 Kind::Bye => return Ok(()),
-                other => return Err(PeerError::Protocol(format!("{other:?} is no request")).into()),
+                other => return Err(PeerError::protocol(format!("{other:?} is no request")).into()),
             }
         }
     }
@@ -98,7 +98,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
             place.fill(header.scalars, mesh.cell_count(), frame.payload(), &mut self.points)?;
             if voidage.len() != mesh.points.len() {
                 let (values, nodes) = (voidage.len(), mesh.points.len());
-                return Err(PeerError::Protocol(format!("voidage at {values} of {nodes} nodes")).into());
+                return Err(PeerError::protocol(format!("voidage at {values} of {nodes} nodes")).into());
             }
         }
         let [places, velocity] = motion.as_ref().map_or_else(Default::default, |at| at.read(frame.payload()));

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
+use voidage_coupling::Notice;
 
 /// Which program solves the equations of the fluid, and how it is reached.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -82,9 +83,9 @@ impl Solver {
 
 /// The solver of a [name](Solver::name); the error says which there are.
 impl FromStr for Solver {
-    type Err = String;
+    type Err = Notice;
 
-    fn from_str(name: &str) -> Result<Self, String> {
+    fn from_str(name: &str) -> Result<Self, Notice> {
         match name.split_once(':') {
             Some(("python", module)) => Ok(Solver::Python(module.into())),
             Some(("attach", address)) => Ok(Solver::Attach(address.into())),
@@ -92,9 +93,9 @@ impl FromStr for Solver {
                 .into_iter()
                 .find(|solver| solver.name() == name)
                 .ok_or_else(|| {
-                    format!(
-                        "`{name}`: there is no such fluid solver\n  \
-                         help: use rust, serve, fenicsx, scikit-fem, python:MODULE or attach:ADDRESS"
+                    Notice::new(
+                        format!("`{name}`: there is no such fluid solver"),
+                        "use rust, serve, fenicsx, scikit-fem, python:MODULE or attach:ADDRESS",
                     )
                 }),
         }

@@ -49,7 +49,7 @@ pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<C
         }
         (Some(grains), ..) => System::Grains(Box::new(grains), Clock::default()),
         (None, Some(fluid), _) => System::Fluid(Box::new(fluid)),
-        (None, None, _) => return Err(Error::Input("the scene has neither grains nor a fluid".into())),
+        (None, None, _) => return Err(Error::input("the scene has neither grains nor a fluid")),
     };
     Ok(Coupled::new(system, coupling.scheme.build(&coupling.iteration, coupling.cut)))
 }
@@ -99,7 +99,7 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
     let mut heat = voidage_dem::Heat::default();
     for (k, group) in scene.grains.iter().enumerate() {
         let Some(described) = scene.materials.get(&group.material) else {
-            return Err(Error::Input(format!("no material `{}`; there are {names:?}", group.material)));
+            return Err(Error::input(format!("no material `{}`; there are {names:?}", group.material)));
         };
         materials.push(material(described, group.solidity));
         let Placed { grains: mut placed, forces: of_bed } = placing.place(scene, k, &materials)?;
@@ -252,7 +252,7 @@ pub fn setup(scene: &Scene) -> Option<Setup<2>> {
 /// The scene has no fluid, the solver does not start.
 pub fn backend(scene: &Scene, host: &Host) -> Result<Box<dyn FluidBackend<2>>> {
     let (Some(fluid), Some(setup)) = (&scene.fluid, setup(scene)) else {
-        return Err(Error::Input("the scene has no fluid".into()));
+        return Err(Error::input("the scene has no fluid"));
     };
     match &fluid.backend {
         Some(backend) if backend.solver != scene::Solver::Rust => {

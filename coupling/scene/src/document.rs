@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use std::path::Path;
 use toml::{Table, Value};
-use voidage_coupling::error::SceneError;
+use voidage_coupling::error::{Notice, SceneError};
 
 /// What the file of a kind of input is read into. Its documentation is the help in errors.
 pub trait Document: DeserializeOwned + JsonSchema {
@@ -56,10 +56,8 @@ fn tables(list: Option<&mut Value>) -> impl Iterator<Item = &mut Table> {
 pub struct Fault {
     /// The key, such as `grains[1].radius`.
     pub path: String,
-    /// What is wrong: names the key and the value.
-    pub message: String,
-    /// What is allowed.
-    pub help: String,
+    /// What is wrong, with the key and the value, and what is allowed.
+    pub notice: Notice,
 }
 
 /// Reads a document from a text; `file` is named in errors.
@@ -68,7 +66,8 @@ pub struct Fault {
 /// The text is no TOML, or keys or values are wrong.
 pub fn read<T: Document>(file: &Path, text: &str) -> Result<(T, Origin), Box<SceneError>> {
     let (table, origin) = parse::<T>(file, text)?;
-    let filled = fill(&table).map_err(|fault| origin.error(&fault.path, fault.message, fault.help))?;
+    let filled =
+        fill(&table).map_err(|fault| origin.error(&fault.path, fault.notice.what, fault.notice.help))?;
     Ok((filled, origin))
 }
 
@@ -120,7 +119,7 @@ pub fn fill<T: Document>(document: &Table) -> Result<T, Fault> {
             _ if path.is_empty() => message,
             _ => format!("`{path}`: {message}"),
         };
-        Fault { path, message: shown, help }
+        Fault { path, notice: Notice::new(shown, help) }
     })
 }
 

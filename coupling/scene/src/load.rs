@@ -6,17 +6,16 @@ use super::{Contacts, Coupling, MeshSource, Placement, Scene, check};
 use std::fs;
 use std::path::{Path, PathBuf};
 use voidage_coupling::closure::HeatTransfer;
-use voidage_coupling::error::{Error, Result};
+use voidage_coupling::error::{Error, Notice, Result};
 use voidage_coupling::error::{Place, SceneError};
 
 impl Scene {
     /// Reads a scene, changes it by options `key=value`, fills in the defaults, and checks it.
     pub fn read(file: &Path, sets: &[String]) -> Result<Scene> {
         let text = fs::read_to_string(file).map_err(|error| {
-            Error::Input(format!(
-                "{}: cannot read the scene: {error}\n  help: give the path of a scene file, such as \
-                 cases/bubbling-bed/scene.toml",
-                file.display()
+            Error::input(Notice::new(
+                format!("{}: cannot read the scene: {error}", file.display()),
+                "give the path of a scene file, such as cases/bubbling-bed/scene.toml",
             ))
         })?;
         Ok(Scene::parse(file, &text, sets)?)
@@ -25,8 +24,8 @@ impl Scene {
     /// The same from a text; `file` is named in errors, and its folder is where paths start.
     pub fn parse(file: &Path, text: &str, sets: &[String]) -> std::result::Result<Scene, Box<SceneError>> {
         let (mut document, mut origin) = document::parse::<Scene>(file, text)?;
-        let mut scene: Scene =
-            fill(&document).map_err(|fault| origin.error(&fault.path, fault.message, fault.help))?;
+        let mut scene: Scene = fill(&document)
+            .map_err(|fault| origin.error(&fault.path, fault.notice.what, fault.notice.help))?;
         for option in sets {
             let place = Place::Set(option.clone());
             let edit =
@@ -36,8 +35,9 @@ impl Scene {
                 (Err(_), Ok(scene)) => (scene, edit.replaced),
                 // Beside another choice the new one cannot be read; in its place it may be wrong for a reason of its own.
                 (Err(first), Err(alone)) => {
-                    let fault = if first.message.contains(", where one is chosen") { alone } else { first };
-                    return Err(origin.at(place, fault.message, fault.help));
+                    let fault =
+                        if first.notice.what.contains(", where one is chosen") { alone } else { first };
+                    return Err(origin.at(place, fault.notice.what, fault.notice.help));
                 }
             };
             origin.sets.push((edit.path, option.clone()));
@@ -92,7 +92,7 @@ impl Scene {
 
     /// The scene as it runs, with all defaults, as TOML.
     pub fn to_toml(&self) -> Result<String> {
-        toml::to_string(self).map_err(|error| Error::Run(format!("cannot write the scene as TOML: {error}")))
+        toml::to_string(self).map_err(|error| Error::run(format!("cannot write the scene as TOML: {error}")))
     }
 
     /// A hash (blake3, hexadecimal) of all that decides the course of the run: the scene without its title, its end, the overlap that ends it,

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
-use voidage_coupling::error::{Place, SceneError};
+use voidage_coupling::error::{Notice, Place, SceneError};
 
 /// The text that a scene was read from and the changes made to it by `--set`.
 #[derive(Clone, Debug, Default)]
@@ -59,7 +59,7 @@ impl Origin {
         help: impl Into<String>,
     ) -> Box<SceneError> {
         let (file, text) = (self.file.clone(), self.text.clone());
-        Box::new(SceneError { file, text, place, message: message.into(), help: help.into() })
+        Box::new(SceneError { file, text, place, notice: Notice::new(message, help) })
     }
 
     fn place(&self, span: Range<usize>) -> Place {

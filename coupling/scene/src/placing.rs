@@ -240,7 +240,7 @@ fn hash(scene: &Scene, k: usize) -> Result<String> {
         gravity: scene.gravity.vector::<2>().norm(),
     };
     let text =
-        serde_json::to_vec(&recipe).map_err(|error| Error::Run(format!("cannot hash a bed: {error}")))?;
+        serde_json::to_vec(&recipe).map_err(|error| Error::run(format!("cannot hash a bed: {error}")))?;
     Ok(blake3::hash(&text).to_hex().to_string())
 }
 

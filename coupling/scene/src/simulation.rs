@@ -8,7 +8,7 @@ use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, View, column_na
 use crate::totals::{Overlap, Totals};
 use serde::{Deserialize, Serialize};
 use voidage_coupling::backend::FluidBackend;
-use voidage_coupling::error::{Error, Result};
+use voidage_coupling::error::{Error, Notice, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::remesh::RemeshState;
 use voidage_coupling::{Agreement, Carried, Coupled, Fluid, StepReport, TEMPERATURE};
@@ -43,7 +43,7 @@ pub struct State {
 
 /// An error on the way to the end of a step, with the number of the step and the time at its start, s.
 fn in_step(step: u64, time: f64, error: Error) -> Error {
-    Error::Run(format!("step {step}, from t = {time:.6e} s: {error}"))
+    Error::run(error.notice().within(format_args!("step {step}, from t = {time:.6e} s")))
 }
 
 impl Simulation {
@@ -116,7 +116,7 @@ impl Simulation {
         steps: Vec<u64>,
     ) -> Result<Findings> {
         let Some(fluid) = self.coupled.fluid_mut() else {
-            return Err(Error::Input("a scene without fluid has no fluid solvers to compare".into()));
+            return Err(Error::input("a scene without fluid has no fluid solvers to compare"));
         };
         let (mesh, fields, scalars) = (fluid.mesh.clone(), fluid.accepted.clone(), fluid.scalars.clone());
         let mut findings = Findings::default();
@@ -165,7 +165,7 @@ impl Simulation {
     }
 
     /// What to tell of the last step, where it is the first to fall short in some way.
-    pub fn remarks(&self) -> Vec<String> {
+    pub fn remarks(&self) -> Vec<Notice> {
         let (step, totals) = (self.steps(), &self.totals);
         let mut remarks = Vec::new();
         if totals.disagreeing.is_some_and(|tally| tally.first == step) {
@@ -173,7 +173,7 @@ impl Simulation {
         }
         if let Some(overlap) = Overlap::deepest(&self.last).filter(|_| totals.penetrating.first == step) {
             let names = overlap.names(|wall| self.wall_name(wall));
-            remarks.push(format!("{names} overlap by {:.2} of a radius", overlap.depth));
+            remarks.push(format!("{names} overlap by {:.2} of a radius", overlap.depth).into());
         }
         remarks
     }
@@ -200,7 +200,7 @@ impl Simulation {
     }
 
     /// What ends a run whose grains overlap too much.
-    fn too_deep(&self, overlap: Overlap) -> String {
+    fn too_deep(&self, overlap: Overlap) -> Notice {
         let (step, time, allowed) = (self.steps(), self.time(), self.max_penetration);
         let names = overlap.names(|wall| self.wall_name(wall));
         let unsolved = match self.last.grains.filter(|grains| !grains.converged) {
@@ -212,11 +212,15 @@ impl Simulation {
             }
             None => String::new(),
         };
-        format!(
-            "step {step}, t = {time:.6} s: {names} overlap by {:.2} of a radius, more than \
-             contacts.max_penetration = {allowed} allows\n  \
-             help: walls may leave the grains no room, or time.step be too long for grains so fast{unsolved}",
-            overlap.depth
+        Notice::new(
+            format!(
+                "step {step}, t = {time:.6} s: {names} overlap by {:.2} of a radius, more than \
+                 contacts.max_penetration = {allowed} allows",
+                overlap.depth
+            ),
+            format!(
+                "walls may leave the grains no room, or time.step be too long for grains so fast{unsolved}"
+            ),
         )
     }
 

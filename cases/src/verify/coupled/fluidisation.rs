@@ -33,7 +33,7 @@ struct Bed {
 }
 
 fn lost() -> Error {
-    Error::Run("the bed has lost its grains or its fluid".into())
+    Error::run("the bed has lost its grains or its fluid")
 }
 
 /// Grains in single file on a floor: a bed that has one voidage all over, which a packing does not have at its walls.

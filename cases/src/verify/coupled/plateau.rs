@@ -53,7 +53,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     let scene =
         Scene::parse(Path::new("cases/bubbling-bed/scene-quick.toml"), SCENE, &CHANGES.map(String::from))?;
     let mut simulation = Simulation::new(&scene)?;
-    let lost = || Error::Run("the bed has no grains or no fluid".into());
+    let lost = || Error::run("the bed has no grains or no fluid");
     let weight = simulation.bed_weight_per_area().ok_or_else(lost)?;
     let (gas, width) = gas(&simulation).ok_or_else(lost)?;
     let dt = scene.time.step;

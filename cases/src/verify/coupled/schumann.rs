@@ -101,7 +101,7 @@ fn bed(cells: usize) -> Result<(Coupled<2>, f64, f64)> {
 
 /// Temperatures of stream and grains along the bed, as (xi, theta).
 fn along(system: &mut Coupled<2>, length: f64) -> Result<[Vec<(f64, f64)>; 2]> {
-    let none = || voidage_coupling::Error::Run("the bed has lost its heat".into());
+    let none = || voidage_coupling::Error::run("the bed has lost its heat");
     let scaled = |x: f64, kelvin: f64| (LENGTH * x / length, (kelvin - COLD) / (HOT - COLD));
     let fluid = system.fluid().ok_or_else(none)?;
     let mut stream: Vec<(f64, f64)> = fluid

@@ -110,7 +110,7 @@ impl Suspension {
     /// level in its middle as there are. The grains on top see the clear liquid of the cell above them, fall faster, and gather
     /// to a cap as tall as a cell or two; what it holds is counted, where it is does not matter.
     fn front(&self, system: &Coupled<2>) -> Result<f64> {
-        let grains = system.grains().ok_or_else(|| Error::Run("no grains".into()))?;
+        let grains = system.grains().ok_or_else(|| Error::run("no grains"))?;
         let mut heights: Vec<f64> = grains.particles.position.iter().map(|x| x.y / self.spacing()).collect();
         heights.sort_by(f64::total_cmp);
         let rows: Vec<f64> =

@@ -128,7 +128,7 @@ fn bed(count: usize) -> Result<Vec<(f64, f64)>> {
         heat.capacity = vec![capacity; count];
     }
     if step(&mut dem, dt, &Load::default())?.substeps != 1 {
-        return Err(Error::Run("the bed is not at rest".into()));
+        return Err(Error::run("the bed is not at rest"));
     }
     let mut matrix = DMatrix::from_diagonal_element(count, count, capacity / dt);
     let mut right = DVector::from_element(count, capacity / dt * 350.0);
@@ -157,7 +157,7 @@ fn bed(count: usize) -> Result<Vec<(f64, f64)>> {
             }
         }
     }
-    let solved = matrix.lu().solve(&right).ok_or_else(|| Error::Run("the network is singular".into()))?;
+    let solved = matrix.lu().solve(&right).ok_or_else(|| Error::run("the network is singular"))?;
     let found = dem.particles.heat.as_ref().map_or(vec![], |heat| heat.temperature.clone());
     Ok(solved.iter().copied().zip(found).collect())
 }

@@ -105,7 +105,7 @@ fn compress(count: usize, seed: u64) -> Result<Packed> {
             kept.clone_from(&dem.particles.position);
         }
     }
-    Err(Error::Run(format!("packing {seed} of {count} discs does not come to rest")))
+    Err(Error::run(format!("packing {seed} of {count} discs does not come to rest")))
 }
 
 fn speed(dem: &Dem<2>) -> f64 {

@@ -35,7 +35,7 @@ pub fn step(dem: &mut Dem<2>, dt: f64, load: &Load<'_, 2>) -> Result<StepReport>
     if report.converged {
         return Ok(report);
     }
-    Err(Error::Run(format!("the contacts at t = {} s are not solved: {report:?}", dem.time())))
+    Err(Error::run(format!("the contacts at t = {} s are not solved: {report:?}", dem.time())))
 }
 
 /// Steps without a load.
@@ -88,7 +88,7 @@ pub fn threshold(
     holds: impl Fn(f64) -> Result<bool>,
 ) -> Result<f64> {
     if holds(low)? || !holds(high)? {
-        return Err(Error::Run(format!("there is no threshold between {low} and {high}")));
+        return Err(Error::run(format!("there is no threshold between {low} and {high}")));
     }
     while high - low > width {
         let middle = 0.5 * (low + high);

@@ -326,5 +326,5 @@ impl Place {
 
 /// The answer to what is no frame of this protocol.
 pub(super) fn wrong<T>(text: String) -> Result<T, PeerError> {
-    Err(PeerError::Protocol(text))
+    Err(PeerError::protocol(text))
 }

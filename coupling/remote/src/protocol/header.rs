@@ -1,7 +1,7 @@
 //! The header of a frame.
 
 use iceoryx2::prelude::ZeroCopySend;
-use voidage_coupling::error::PeerError;
+use voidage_coupling::error::{Notice, PeerError};
 
 /// First bytes of every frame: `VOIDAGE.` as a little-endian number. A machine of the other byte order sees another.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"VOIDAGE.");
@@ -131,20 +131,20 @@ impl Header {
     /// # Errors
     /// It is no header of this protocol.
     pub fn kind(&self) -> Result<Kind, PeerError> {
-        let wrong = |text: String| Err(PeerError::Protocol(text));
+        let wrong = |what: String, help: &str| Err(PeerError::protocol(Notice::new(what, help)));
         if self.magic != MAGIC {
-            return wrong(format!("a frame starts with {:#018x} and not with {MAGIC:#018x}", self.magic));
+            return wrong(format!("a frame starts with {:#018x} and not with {MAGIC:#018x}", self.magic), "");
         }
         if self.version != VERSION {
             let theirs = self.version;
-            return wrong(format!(
-                "a frame of protocol version {theirs}, this is version {VERSION}\n  \
-                 help: install the same version of voidage on both sides"
-            ));
+            return wrong(
+                format!("a frame of protocol version {theirs}, this is version {VERSION}"),
+                "install the same version of voidage on both sides",
+            );
         }
         match KINDS.iter().find(|kind| **kind as u32 == self.kind) {
             Some(kind) => Ok(*kind),
-            None => wrong(format!("a frame of the unknown kind {}", self.kind)),
+            None => wrong(format!("a frame of the unknown kind {}", self.kind), ""),
         }
     }
 

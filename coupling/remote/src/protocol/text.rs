@@ -28,11 +28,11 @@ pub fn write_text(text: &str, payload: &mut [f64]) {
 pub fn read_text(header: &Header, payload: &[f64]) -> Result<String, PeerError> {
     let bytes = header.text as usize;
     let Some(start) = payload.len().checked_sub(bytes.div_ceil(8)) else {
-        return Err(PeerError::Protocol(format!("a text of {bytes} bytes in {} numbers", payload.len())));
+        return Err(PeerError::protocol(format!("a text of {bytes} bytes in {} numbers", payload.len())));
     };
     let mut text: Vec<u8> = payload[start..].iter().flat_map(|number| number.to_le_bytes()).collect();
     text.truncate(bytes);
-    String::from_utf8(text).map_err(|_| PeerError::Protocol("a text that is no UTF-8".into()))
+    String::from_utf8(text).map_err(|_| PeerError::protocol("a text that is no UTF-8"))
 }
 
 /// How the fluid presents itself.
@@ -92,7 +92,7 @@ impl<const D: usize> Setup<D> {
     /// # Errors
     /// The text is no setup of this dimension.
     pub fn parse(text: &str) -> Result<Self, PeerError> {
-        serde_json::from_str(text).map_err(|error| PeerError::Protocol(format!("the hello: {error}")))
+        serde_json::from_str(text).map_err(|error| PeerError::protocol(format!("the hello: {error}")))
     }
 }
 
@@ -106,5 +106,5 @@ pub fn dimension(text: &str) -> Result<usize, PeerError> {
         dimension: usize,
     }
     let parsed: serde_json::Result<Dimension> = serde_json::from_str(text);
-    parsed.map(|setup| setup.dimension).map_err(|error| PeerError::Protocol(format!("the hello: {error}")))
+    parsed.map(|setup| setup.dimension).map_err(|error| PeerError::protocol(format!("the hello: {error}")))
 }

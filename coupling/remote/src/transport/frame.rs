@@ -41,7 +41,7 @@ impl Frame {
         let frame = Self { kind: header.kind()?, header, payload };
         let (said, are) = (header.length, frame.payload().len());
         if said != are as u64 {
-            return Err(PeerError::Protocol(format!("a frame of {are} numbers that says it has {said}")));
+            return Err(PeerError::protocol(format!("a frame of {are} numbers that says it has {said}")));
         }
         Ok(frame)
     }

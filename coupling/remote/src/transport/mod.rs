@@ -15,7 +15,7 @@ pub use frame::{Frame, Loan};
 
 use crate::protocol::Header;
 use std::time::{Duration, Instant};
-use voidage_coupling::error::PeerError;
+use voidage_coupling::error::{Notice, PeerError};
 
 /// Longest single wait: between two the other process is looked after, and signals may be.
 pub const LOOK: Duration = Duration::from_millis(100);
@@ -90,9 +90,9 @@ pub fn connect(address: &Address, wait: Duration) -> Result<Box<dyn Channel>, Pe
             Some(channel) => return Ok(channel),
             None if start.elapsed() >= wait => {
                 let seconds = wait.as_secs_f64();
-                return Err(PeerError::Channel(format!(
-                    "no run listens at {address} after {seconds} s\n  \
-                     help: start `voidage run SCENE --fluid attach:{address}` first"
+                return Err(PeerError::channel(Notice::new(
+                    format!("no run listens at {address} after {seconds} s"),
+                    format!("start `voidage run SCENE --fluid attach:{address}` first"),
                 )));
             }
             None => std::thread::sleep(Duration::from_millis(20)),

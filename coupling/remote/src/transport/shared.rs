@@ -15,7 +15,7 @@ use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::time::Duration;
-use voidage_coupling::error::PeerError;
+use voidage_coupling::error::{Notice, PeerError};
 
 type Ipc = ipc_threadsafe::Service;
 /// A payload as received.
@@ -63,11 +63,13 @@ fn need(bytes: u64, free: Option<u64>) -> Result<(), PeerError> {
     match free {
         Some(free) if free < bytes => {
             let mebibyte = f64::from(1 << 20);
-            Err(PeerError::Channel(format!(
-                "shared memory (/dev/shm) has {:.1} MiB free, {:.1} MiB are needed\n  \
-                 help: `mount -o remount,size=1G /dev/shm` (in a container `--shm-size=1g`), or use `--transport tcp`",
-                free as f64 / mebibyte,
-                bytes as f64 / mebibyte
+            Err(PeerError::channel(Notice::new(
+                format!(
+                    "shared memory (/dev/shm) has {:.1} MiB free, {:.1} MiB are needed",
+                    free as f64 / mebibyte,
+                    bytes as f64 / mebibyte
+                ),
+                "`mount -o remount,size=1G /dev/shm` (in a container `--shm-size=1g`), or use `--transport tcp`",
             )))
         }
         _ => Ok(()),
@@ -75,7 +77,7 @@ fn need(bytes: u64, free: Option<u64>) -> Result<(), PeerError> {
 }
 
 fn cannot<E: Debug>(what: &str) -> impl Fn(E) -> PeerError + '_ {
-    move |error| PeerError::Channel(format!("shared memory: cannot {what}: {error:?}"))
+    move |error| PeerError::channel(format!("shared memory: cannot {what}: {error:?}"))
 }
 
 /// The name space of voidage.
@@ -101,9 +103,9 @@ fn name(run: &str, direction: &str) -> Result<ServiceName, PeerError> {
 /// What it means that a service of this name is there.
 fn occupied<E: Debug>(run: &str) -> impl Fn(E) -> PeerError + '_ {
     move |error| {
-        PeerError::Channel(format!(
-            "shared memory: the run `{run}` cannot be opened: {error:?}\n  \
-             help: another run may have this name, or another version of voidage; give another name"
+        PeerError::channel(Notice::new(
+            format!("shared memory: the run `{run}` cannot be opened: {error:?}"),
+            "another run may have this name, or another version of voidage; give another name",
         ))
     }
 }
@@ -242,14 +244,14 @@ impl Channel for Shared {
 
     fn send(&mut self, header: &Header, payload: Loan) -> Result<(), PeerError> {
         let Loan::Shared(mut sample) = payload else {
-            return Err(PeerError::Channel("a payload of another channel".into()));
+            return Err(PeerError::channel("a payload of another channel"));
         };
         *sample.user_header_mut() = *header;
         let received = sample.send().map_err(cannot("send"))?;
         if received == 0 {
             return Err(match self.is_there() {
                 false => PeerError::Gone,
-                true => PeerError::Channel(format!(
+                true => PeerError::channel(format!(
                     "the other process does not take the frames of protocol version {VERSION}"
                 )),
             });

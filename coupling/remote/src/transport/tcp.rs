@@ -41,7 +41,7 @@ impl Tcp {
     /// # Errors
     /// The port is in use.
     pub fn listen(place: &str, silence: Duration) -> Result<(Self, String), PeerError> {
-        let cannot = |error: io::Error| PeerError::Channel(format!("cannot listen at tcp:{place}: {error}"));
+        let cannot = |error: io::Error| PeerError::channel(format!("cannot listen at tcp:{place}: {error}"));
         let listener = TcpListener::bind(place).map_err(cannot)?;
         listener.set_nonblocking(true).map_err(cannot)?;
         let place = listener.local_addr().map_err(cannot)?.to_string();
@@ -60,7 +60,7 @@ impl Tcp {
                 Ok(Some(channel))
             }
             Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(None),
-            Err(error) => Err(PeerError::Channel(format!("cannot connect to tcp:{place}: {error}"))),
+            Err(error) => Err(PeerError::channel(format!("cannot connect to tcp:{place}: {error}"))),
         }
     }
 
@@ -100,7 +100,7 @@ impl Tcp {
             header.kind()?;
             let length = header.length;
             if length > isize::MAX as u64 / 8 || payload.try_reserve_exact(length as usize).is_err() {
-                return Err(PeerError::Protocol(format!("a frame that says it has {length} numbers")));
+                return Err(PeerError::protocol(format!("a frame that says it has {length} numbers")));
             }
             payload.resize(length as usize, 0.0);
         }
@@ -182,7 +182,7 @@ fn broken(error: io::Error) -> PeerError {
     use ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
     match error.kind() {
         BrokenPipe | ConnectionAborted | ConnectionReset | UnexpectedEof => PeerError::Gone,
-        _ => PeerError::Channel(format!("the connection failed: {error}")),
+        _ => PeerError::channel(format!("the connection failed: {error}")),
     }
 }
 

@@ -7,7 +7,7 @@
 use super::files::write_whole;
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
-use voidage_coupling::error::{Error, Result};
+use voidage_coupling::error::{Error, Notice, Result};
 
 const MAGIC: &[u8; 8] = b"VOIDAGE\n";
 const VERSION: u32 = 3;
@@ -44,7 +44,7 @@ impl Checkpoint {
         recorder: &impl Serialize,
     ) -> Result<()> {
         let encode_error =
-            |error| Error::Run(format!("{}: cannot encode the state: {error}", path.display()));
+            |error| Error::run(format!("{}: cannot encode the state: {error}", path.display()));
         let state = postcard::to_stdvec(state).map_err(encode_error)?;
         let recorder = postcard::to_stdvec(recorder).map_err(encode_error)?;
         let mut head = Vec::with_capacity(HEAD);
@@ -63,24 +63,20 @@ impl Checkpoint {
 
     /// Reads a checkpoint of the scene with this hash.
     pub fn read(path: &Path, scene_hash: &str) -> Result<Checkpoint> {
-        let wrong = |what: String| Error::Input(format!("{}: {what}", path.display()));
-        let bytes = std::fs::read(path).map_err(|error| {
-            wrong(format!(
-                "cannot read the checkpoint: {error}\n  help: give a file such as OUT/checkpoint.voidage"
-            ))
-        })?;
+        let wrong = |what: &str, help: &str| Error::input(Notice::new(what, help).within(path.display()));
+        const FILE: &str = "give a file such as OUT/checkpoint.voidage";
+        const EARLIER: &str = "use an earlier one";
+        let bytes = std::fs::read(path)
+            .map_err(|error| wrong(&format!("cannot read the checkpoint: {error}"), FILE))?;
         let head = bytes.get(..HEAD).filter(|head| head.starts_with(MAGIC));
         let Some(head) = head else {
-            return Err(wrong(
-                "is no checkpoint of voidage\n  help: give a file such as OUT/checkpoint.voidage".into(),
-            ));
+            return Err(wrong("is no checkpoint of voidage", FILE));
         };
         let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| head[at + i]));
         let version = u32::from_le_bytes(std::array::from_fn(|i| head[8 + i]));
         if version != VERSION {
-            return Err(wrong(format!(
-                "is a checkpoint of format {version}; this version reads format {VERSION}"
-            )));
+            let what = format!("is a checkpoint of format {version}; this version reads format {VERSION}");
+            return Err(wrong(&what, "run from the start"));
         }
         let stamp = Stamp {
             scene_hash: String::from_utf8_lossy(&head[12..76]).trim_end().to_owned(),
@@ -91,21 +87,22 @@ impl Checkpoint {
         let parts = &bytes[HEAD..];
         let whole = CHECKSUM.checked_add(state).and_then(|length| length.checked_add(recorder));
         if whole != Some(parts.len()) {
-            return Err(wrong("the checkpoint is cut off\n  help: use an earlier one".into()));
+            return Err(wrong("the checkpoint is cut off", EARLIER));
         }
         let (sum, parts) = parts.split_at(CHECKSUM);
         let (state, recorder) = parts.split_at(state);
         if checksum(head, state, recorder) != sum {
-            return Err(wrong(
-                "the checkpoint is damaged: its checksum is wrong\n  help: use an earlier one".into(),
-            ));
+            return Err(wrong("the checkpoint is damaged: its checksum is wrong", EARLIER));
         }
         if stamp.scene_hash != scene_hash {
-            return Err(wrong(format!(
-                "is the checkpoint of another scene (hash {:.12}.., this scene {scene_hash:.12}..)\n  help: restart with \
-                 the scene.toml beside the checkpoint; only `title`, `time.end` and `output` may differ",
+            let what = format!(
+                "is the checkpoint of another scene (hash {:.12}.., this scene {scene_hash:.12}..)",
                 stamp.scene_hash
-            )));
+            );
+            return Err(wrong(
+                &what,
+                "restart with the scene.toml beside the checkpoint; only `title`, `time.end` and `output` may differ",
+            ));
         }
         Ok(Checkpoint { stamp, path: path.to_path_buf(), state: state.to_vec(), recorder: recorder.to_vec() })
     }
@@ -122,10 +119,8 @@ impl Checkpoint {
 
     fn decode<T: DeserializeOwned>(&self, bytes: &[u8]) -> Result<T> {
         postcard::from_bytes(bytes).map_err(|error| {
-            let path = self.path.display();
-            Error::Input(format!(
-                "{path}: was written by another version of voidage: {error}\n  help: run from the start"
-            ))
+            let what = format!("was written by another version of voidage: {error}");
+            Error::input(Notice::new(what, "run from the start").within(self.path.display()))
         })
     }
 }

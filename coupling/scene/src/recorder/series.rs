@@ -4,7 +4,7 @@ use super::files::write_whole;
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
-use voidage_coupling::error::{Error, Result};
+use voidage_coupling::error::{Error, Notice, Result};
 
 /// A time series that is being written; its first column is the time, s.
 #[derive(Debug)]
@@ -32,11 +32,12 @@ impl Series {
         let mut lines = text.lines();
         let header = lines.next().unwrap_or("");
         if header != columns.join(",") {
-            return Err(Error::Input(format!(
-                "{}:1: holds the columns `{header}`, but this run records `{}`\n  help: restart into an empty folder",
+            let what = format!(
+                "{}:1: holds the columns `{header}`, but this run records `{}`",
                 path.display(),
                 columns.join(",")
-            )));
+            );
+            return Err(Error::input(Notice::new(what, "restart into an empty folder")));
         }
         let time_of = |line: &str| line.split(',').next().and_then(|number| number.parse::<f64>().ok());
         let whole = |line: &&str| line.split(',').count() == columns.len();
@@ -67,7 +68,7 @@ impl Series {
     pub fn row(&mut self, values: &[f64]) -> Result<()> {
         if values.len() != self.columns.len() {
             let (have, want) = (values.len(), self.columns.len());
-            return Err(Error::Run(format!(
+            return Err(Error::run(format!(
                 "{}: a row of {have} values for {want} columns",
                 self.path.display()
             )));

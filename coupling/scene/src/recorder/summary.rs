@@ -69,13 +69,13 @@ impl Summary {
     /// Writes the summary.
     pub fn write(&self, path: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self)
-            .map_err(|error| Error::Run(format!("{}: cannot encode the summary: {error}", path.display())))?;
+            .map_err(|error| Error::run(format!("{}: cannot encode the summary: {error}", path.display())))?;
         write_whole(path, |file| writeln!(file, "{text}"))
     }
 
     /// Reads a summary.
     pub fn read(path: &Path) -> Result<Summary> {
         let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, "read", error))?;
-        serde_json::from_str(&text).map_err(|error| Error::Input(format!("{}: {error}", path.display())))
+        serde_json::from_str(&text).map_err(|error| Error::input(format!("{}: {error}", path.display())))
     }
 }

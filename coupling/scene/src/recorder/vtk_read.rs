@@ -37,7 +37,7 @@ impl Frame {
 pub fn read_frame(path: &Path) -> Result<Frame> {
     let bytes = fs::read(path).map_err(|error| Error::file(path, "read", error))?;
     parse(&bytes).ok_or_else(|| {
-        Error::Input(format!("{}: is no ParaView file of this program, or is cut off", path.display()))
+        Error::input(format!("{}: is no ParaView file of this program, or is cut off", path.display()))
     })
 }
 
