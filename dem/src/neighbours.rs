@@ -7,9 +7,11 @@
 //!
 //! Tiles are blocks of cells, at least three wide, of the level up to which almost all grains live. A contact belongs
 //! to the tile of its first grain and reaches at most one cell out of it, so two tiles of one colour (2^D colours) never
-//! share a grain and can be swept in parallel with the same result as one after the other. The contacts of the few grains
-//! on coarser levels make one more tile with a colour of its own: a heavy disc on a bed of fine grains does not make
-//! the tiles of the bed as wide as itself.
+//! share a grain and can be swept in parallel with the same result as one after the other.
+//!
+//! The few grains on coarser levels are wide: their contacts make one more tile with a colour of its own, and each of them
+//! is a zone of velocities by itself, beside those that are the cells of tiles. So a heavy disc on a bed of fine grains
+//! neither makes the tiles of the bed as wide as itself, nor lets all of the bed look for contacts as far as it falls.
 //!
 //! The cells of a level are numbered block by block, so that the grains of a tile lie together in memory.
 //!
@@ -17,6 +19,10 @@
 //! grain that flies away costs speed at worst.
 
 use crate::space::{Vector, stencil};
+use crate::velocity_bounds::SKIN;
+use wide::Wide;
+
+mod wide;
 
 /// Slots (places in cell order) of a range of cells, and the grains in them.
 pub(crate) struct Grid<const D: usize> {
@@ -39,6 +45,9 @@ pub(crate) struct Grid<const D: usize> {
     /// each colour.
     pub tiles: Vec<Option<[i64; D]>>,
     pub colours: Vec<usize>,
+    /// Grains on levels above the base, in the order of their slots, the last ones; and pairs of them that may meet.
+    wide: Vec<Wide<D>>,
+    wide_pairs: Vec<[u32; 2]>,
     cell_of: Vec<u32>,
     later: Vec<[i64; D]>,
     around: Vec<[i64; D]>,
@@ -69,6 +78,8 @@ impl<const D: usize> Default for Grid<D> {
             tile: 3,
             tiles: vec![],
             colours: vec![],
+            wide: vec![],
+            wide_pairs: vec![],
             cell_of: vec![],
             later: vec![],
             around: vec![],
@@ -77,14 +88,15 @@ impl<const D: usize> Default for Grid<D> {
 }
 
 impl<const D: usize> Grid<D> {
-    /// Sorts grains into cells; pairs closer than the sum of their radii + `reach` will be met.
+    /// Sorts grains into cells; pairs closer than the sum of their radii with skins + `reach` will be met.
     pub fn build(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64) {
         let n = position.len();
         if self.later.is_empty() {
             (self.later, self.around) = (stencil(true), stencil(false));
         }
         let (small, large) = radius.iter().fold((f64::MAX, 0f64), |(lo, hi), &r| (lo.min(r), hi.max(r)));
-        self.choose_cells(position, 2.0 * small + reach, 2.0 * large + reach);
+        let span = |radius: f64| 2.0 * radius * (1.0 + SKIN) + reach;
+        self.choose_cells(position, span(small), span(large));
         self.first.clear();
         let mut cells = 0;
         for level in 0..self.levels {
@@ -96,7 +108,7 @@ impl<const D: usize> Grid<D> {
         self.starts.resize(cells + 1, 0);
         self.cell_of.resize(n, 0);
         for i in 0..n {
-            let level = self.level_of(2.0 * radius[i] + reach);
+            let level = self.level_of(span(radius[i]));
             let q = self.locate(&position[i]).map(|q| q >> level);
             let cell = self.cell(level, &q);
             self.cell_of[i] = cell as u32;
@@ -114,7 +126,14 @@ impl<const D: usize> Grid<D> {
             *s -= 1;
             self.order[*s as usize] = i as u32;
         }
+        self.base = self.choose_base();
         self.cut_tiles(n);
+        self.gather_wide(position, radius, reach);
+    }
+
+    /// The first slot of a wide grain: the levels lie one behind the other.
+    fn first_wide(&self) -> usize {
+        self.first.get(self.base + 1).map_or(self.order.len(), |cell| self.starts[*cell] as usize)
     }
 
     /// Origin, width of cells and number of levels; at most about two cells per grain.
@@ -155,7 +174,6 @@ impl<const D: usize> Grid<D> {
     }
 
     fn cut_tiles(&mut self, n: usize) {
-        self.base = self.choose_base();
         let dims = self.level_dims(self.base);
         let cells = dims.iter().product::<i64>() as f64;
         let per_cell = n as f64 / cells;
@@ -216,121 +234,137 @@ impl<const D: usize> Grid<D> {
         self.starts[cell] as usize..self.starts[cell + 1] as usize
     }
 
-    /// Number of coarsest cells.
-    pub fn coarse_count(&self) -> usize {
-        self.dims.iter().product::<i64>() as usize
+    /// Number of zones of velocities: the cells of tiles, and each wide grain.
+    pub fn zones(&self) -> usize {
+        self.level_dims(self.base).iter().product::<i64>() as usize + self.wide.len()
     }
 
-    /// Index of the coarsest cell of a point, in 0 .. `coarse_count`.
-    pub fn coarse_of(&self, x: &Vector<D>) -> usize {
-        self.coarse_index(&self.locate(x).map(|q| q >> (self.levels - 1)))
+    /// The zone of a grain, by its slot and place.
+    pub fn zone_of(&self, slot: usize, x: &Vector<D>) -> usize {
+        match slot.checked_sub(self.first_wide()) {
+            Some(wide) => self.zones() - self.wide.len() + wide,
+            None => self.zone(&self.locate(x).map(|q| q >> self.base)),
+        }
     }
 
-    fn coarse_index(&self, q: &[i64; D]) -> usize {
-        (0..D).rev().fold(0, |index, a| index * self.dims[a] + q[a]) as usize
+    /// The zone of a cell of tiles.
+    fn zone(&self, q: &[i64; D]) -> usize {
+        let dims = self.level_dims(self.base);
+        (0..D).rev().fold(0, |index, a| index * dims[a] + q[a]) as usize
     }
 
-    /// Coarsest cells that a segment passes within `range` of their content.
-    pub fn near_segment(&self, points: &[Vector<D>; 2], range: f64, mut f: impl FnMut(usize)) {
-        let s = self.levels - 1;
-        let grow = Vector::<D>::repeat(range);
-        let low = self.locate(&(points[0].inf(&points[1]) - grow)).map(|q| q >> s);
-        let high = self.locate(&(points[0].sup(&points[1]) + grow)).map(|q| (q >> s) + 1);
-        let width = (1u64 << s) as f64 / self.inverse;
+    /// Zones with grains that a segment may meet: those whose distance from it is at most `radii` radii of the
+    /// grain and `range`.
+    pub fn near_segment(&self, points: &[Vector<D>; 2], radii: f64, range: f64, mut f: impl FnMut(usize)) {
+        let width = self.width();
         let along = points[1] - points[0];
-        let far = range + 0.5 * width * (D as f64).sqrt();
+        let distance = |x: &Vector<D>| {
+            let share = ((x - points[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+            (x - points[0] - along * share).norm()
+        };
+        let grow = radii * 0.5 * width + range;
+        let [low, high] = [
+            points[0].inf(&points[1]) - Vector::<D>::repeat(grow),
+            points[0].sup(&points[1]) + Vector::<D>::repeat(grow),
+        ];
+        let dims = self.level_dims(self.base);
+        let low = self.locate(&low).map(|q| q >> self.base);
+        let high = self.locate(&high).map(|q| (q >> self.base) + 1);
+        let far = grow + 0.5 * width * (D as f64).sqrt();
         each_cell(&low, &high, |q| {
             // Border cells hold whatever lies beyond them too.
-            let border = (0..D).any(|a| q[a] == 0 || q[a] == self.dims[a] - 1);
+            let border = (0..D).any(|a| q[a] == 0 || q[a] == dims[a] - 1);
             let centre = Vector::<D>::from_fn(|a, _| self.origin[a] + (q[a] as f64 + 0.5) * width);
-            let share = ((centre - points[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-            if border || (centre - points[0] - along * share).norm_squared() <= far * far {
-                f(self.coarse_index(q));
+            if border || distance(&centre) <= far {
+                f(self.zone(q));
             }
         });
+        let first = self.zones() - self.wide.len();
+        for (k, wide) in self.wide.iter().enumerate() {
+            if distance(&wide.place) <= radii * wide.radius + range {
+                f(first + k);
+            }
+        }
     }
 
-    /// Calls `f` for the coarsest cells around (and at) each coarsest cell: (cell, neighbour).
-    pub fn coarse_neighbours(&self, mut f: impl FnMut(usize, usize)) {
-        let s = self.levels - 1;
-        let dims = self.level_dims(s);
+    /// Calls `f(zone, other)` for the zones whose grains may meet, in both orders, and for each with itself.
+    pub fn neighbours(&self, mut f: impl FnMut(usize, usize)) {
+        let dims = self.level_dims(self.base);
         each_cell(&[0; D], &dims, |q| {
-            let cell = self.coarse_index(q);
+            let zone = self.zone(q);
             for offset in &self.around {
                 if let Some(p) = inside(q, offset, &dims) {
-                    f(cell, self.coarse_index(&p));
+                    f(zone, self.zone(&p));
                 }
             }
         });
+        let first = self.zones() - self.wide.len();
+        for (k, wide) in self.wide.iter().enumerate() {
+            f(first + k, first + k);
+            for zone in wide.cells.iter().map(|q| self.zone(q)) {
+                f(first + k, zone);
+                f(zone, first + k);
+            }
+        }
+        for [a, b] in self.wide_pairs.iter().map(|pair| pair.map(|k| first + k as usize)) {
+            f(a, b);
+            f(b, a);
+        }
     }
 
-    /// Calls `f(slot)` for all slots in the coarsest cells around (and at) a point.
+    /// Calls `f(slot)` for all slots in the cells around (and at) a point on every level.
     pub fn around(&self, x: &Vector<D>, mut f: impl FnMut(usize)) {
-        let home = self.locate(x).map(|q| q >> (self.levels - 1));
+        let finest = self.locate(x);
         for level in 0..self.levels {
-            let s = self.levels - 1 - level;
+            let home = finest.map(|q| q >> level.max(self.base));
+            let (s, dims) = (self.base.saturating_sub(level), self.level_dims(level.max(self.base)));
             let low = std::array::from_fn(|a| (home[a] - 1).max(0) << s);
-            let high = std::array::from_fn(|a| (home[a] + 2).min(self.dims[a]) << s);
+            let high = std::array::from_fn(|a| (home[a] + 2).min(dims[a]) << s);
             each_cell(&low, &high, |q| self.slots(self.cell(level, q)).for_each(&mut f));
         }
     }
 
-    /// Width of the coarsest cells, m.
-    pub fn width(&self) -> f64 {
-        (1u64 << (self.levels - 1)) as f64 / self.inverse
+    /// Whether the grain of a slot is wider than the cells of tiles.
+    pub fn is_wide(&self, slot: usize) -> bool {
+        slot >= self.first_wide()
     }
 
-    /// Calls `f(coarse cell, slot, Some(slots))` for the slots of one tile with others that they may touch, each
-    /// pair once; and before that `f(coarse cell, slot, None)` once for each slot.
+    /// Width of the cells of tiles, m.
+    pub fn width(&self) -> f64 {
+        (1u64 << self.base) as f64 / self.inverse
+    }
+
+    /// Calls `f(zone, slot, Some(slots))` for the slots of one tile with others that they may touch, each
+    /// pair once; and before that `f(zone, slot, None)` once for each slot.
     pub fn each_in_tile(&self, tile: usize, mut f: impl FnMut(usize, usize, Option<std::ops::Range<usize>>)) {
-        let Some(t) = self.tiles[tile] else { return self.each_wide(f) };
+        let Some(t) = self.tiles[tile] else { return self.each_of_wide(f) };
         let dims = self.level_dims(self.base);
         for level in 0..=self.base {
             let s = self.base - level;
             let low = std::array::from_fn(|a| (t[a] * self.tile) << s);
             let high = std::array::from_fn(|a| ((t[a] + 1) * self.tile).min(dims[a]) << s);
-            each_cell(&low, &high, |q| self.each_in_cell(level, q, self.base, &mut f));
-        }
-    }
-
-    /// The same for the grains on levels above the base.
-    fn each_wide(&self, mut f: impl FnMut(usize, usize, Option<std::ops::Range<usize>>)) {
-        for level in self.base + 1..self.levels {
-            let dims = self.level_dims(level);
-            each_cell(&[0; D], &dims, |q| {
-                self.each_in_cell(level, q, self.levels - 1, &mut f);
+            each_cell(&low, &high, |q| {
                 let own = self.slots(self.cell(level, q));
-                let coarse = self.coarse_index(&q.map(|q| q >> (self.levels - 1 - level)));
-                for finer in (0..=self.base).filter(|_| !own.is_empty()) {
-                    let s = level - finer;
-                    let low = std::array::from_fn(|a| (q[a] - 1).max(0) << s);
-                    let high = std::array::from_fn(|a| (q[a] + 2).min(dims[a]) << s);
-                    each_cell(&low, &high, |p| {
-                        let others = self.slots(self.cell(finer, p));
-                        own.clone().for_each(|a| f(coarse, a, Some(others.clone())));
-                    });
-                }
+                let zone = self.zone(&q.map(|q| q >> s));
+                own.clone().for_each(|a| f(zone, a, None));
+                self.each_pair(level, q, self.base, |a, others| f(zone, a, Some(others)));
             });
         }
     }
 
     /// Calls `f` for the slots of a cell, with each other and with those around it on its level and coarser ones up to `most`.
-    fn each_in_cell(
+    fn each_pair(
         &self,
         level: usize,
         q: &[i64; D],
         most: usize,
-        f: &mut impl FnMut(usize, usize, Option<std::ops::Range<usize>>),
+        mut f: impl FnMut(usize, std::ops::Range<usize>),
     ) {
         let own = self.slots(self.cell(level, q));
         if own.is_empty() {
             return;
         }
-        let coarse = self.coarse_index(&q.map(|q| q >> (self.levels - 1 - level)));
-        for a in own.clone() {
-            f(coarse, a, None);
-            f(coarse, a, Some(a + 1..own.end));
-        }
+        own.clone().for_each(|a| f(a, a + 1..own.end));
         for l in level..=most {
             let dims = self.level_dims(l);
             let home = q.map(|q| q >> (l - level));
@@ -339,7 +373,7 @@ impl<const D: usize> Grid<D> {
                 if let Some(p) = inside(&home, offset, &dims) {
                     let others = self.slots(self.cell(l, &p));
                     if !others.is_empty() {
-                        own.clone().for_each(|a| f(coarse, a, Some(others.clone())));
+                        own.clone().for_each(|a| f(a, others.clone()));
                     }
                 }
             }

@@ -26,7 +26,7 @@ pub(crate) struct Search<const D: usize> {
     pub touches: Vec<Touch>,
     /// Age of each contact; empty without cohesion.
     pub ages: Vec<u16>,
-    /// Walls near each coarsest cell: `wall_of[wall_starts[c] .. wall_starts[c + 1]]`.
+    /// Walls near each zone: `wall_of[wall_starts[c] .. wall_starts[c + 1]]`.
     wall_starts: Vec<u32>,
     wall_of: Vec<u32>,
     wall_cells: Vec<(u32, u32)>,
@@ -74,14 +74,14 @@ impl<const D: usize> Search<D> {
         let starts = p.velocity.iter().copied().chain(free);
         let walls = scene.placed.iter().flat_map(|w| w.velocity);
         let fastest = diagonal(starts.chain(walls).chain(after.iter().copied()));
-        let large = p.radius.iter().fold(0.0, |a: f64, &r| a.max(r));
+        let small = p.radius.iter().fold(f64::MAX, |a: f64, &r| a.min(r));
         // Slow grains get cells of one size, so that nothing is allocated in a bed that only trembles.
-        let reach = (fastest * scene.h).max(0.1 * large);
-        self.grid.build(&p.position, &p.radius, reach + SKIN * 2.0 * large);
+        let reach = (fastest * scene.h).max(0.1 * small);
+        self.grid.build(&p.position, &p.radius, reach);
         self.fill_bodies(scene, &mut problem.bodies);
         self.fill_places(scene, problem);
         self.gather_velocities(scene, after, &problem.bodies);
-        self.place_walls(scene, large);
+        self.place_walls(scene);
         self.find_pairs(scene, problem);
         self.fill_contacts(scene, memory, problem);
     }
@@ -114,47 +114,44 @@ impl<const D: usize> Search<D> {
 
     fn gather_velocities(&mut self, scene: &Scene<D>, after: &[Vector<D>], bodies: &Bodies<D>) {
         let p = scene.particles;
-        self.bounds.clear(self.grid.coarse_count());
+        self.bounds.clear(self.grid.zones());
         for (slot, &i) in self.grid.order.iter().enumerate() {
             let i = i as usize;
-            let cell = self.grid.coarse_of(&p.position[i]);
-            self.bounds.add(cell, &p.velocity[i]);
-            self.bounds.add(cell, &expected(scene, i, bodies.velocity(slot)));
+            let zone = self.grid.zone_of(slot, &p.position[i]);
+            self.bounds.add(zone, &p.velocity[i]);
+            self.bounds.add(zone, &expected(scene, i, bodies.velocity(slot)));
             for v in after.iter().skip(i).step_by(p.len()) {
-                self.bounds.add(cell, v);
+                self.bounds.add(zone, v);
             }
         }
     }
 
-    /// Lists the walls near each cell, adds their velocities to its box, and closes the boxes.
-    fn place_walls(&mut self, scene: &Scene<D>, large: f64) {
-        self.wall_cells.clear();
-        for (w, wall) in scene.placed.iter().enumerate() {
-            // A wall matters to a grain that it may reach; twice the largest radius covers the range of a cell.
-            let speed = wall.velocity[0].norm().max(wall.velocity[1].norm());
-            let range = 2.0 * large * (1.0 + SKIN) + speed * scene.h;
-            let (cells, bounds) = (&mut self.wall_cells, &mut self.bounds);
-            self.grid.near_segment(&wall.points, range, |cell| {
-                cells.push((cell as u32, w as u32));
-                bounds.add(cell, &wall.velocity[0]);
-                bounds.add(cell, &wall.velocity[1]);
+    /// Lists the walls near each zone, adds their velocities to its box, and closes the boxes.
+    fn place_walls(&mut self, scene: &Scene<D>) {
+        for wall in scene.placed {
+            // A wall matters to a grain that it may reach; a second radius covers the range of a grain.
+            let range = wall.velocity[0].norm().max(wall.velocity[1].norm()) * scene.h;
+            let bounds = &mut self.bounds;
+            self.grid.near_segment(&wall.points, 2.0 * (1.0 + SKIN), range, |zone| {
+                bounds.add(zone, &wall.velocity[0]);
+                bounds.add(zone, &wall.velocity[1]);
             });
         }
         self.bounds.close(&self.grid);
-        // A fast grain may reach further: the list must cover the range of every cell.
-        let reach = (0..self.grid.coarse_count()).fold(0.0, |a: f64, c| a.max(self.bounds.speed(c)));
-        let range = large * (1.0 + SKIN) + reach * scene.h;
+        // A fast grain may reach further: the list must cover the range of every zone.
+        let range = (0..self.grid.zones()).fold(0.0, |a: f64, c| a.max(self.bounds.speed(c))) * scene.h;
         self.wall_cells.clear();
         for (w, wall) in scene.placed.iter().enumerate() {
             let cells = &mut self.wall_cells;
-            self.grid.near_segment(&wall.points, range, |cell| cells.push((cell as u32, w as u32)));
+            self.grid
+                .near_segment(&wall.points, 1.0 + SKIN, range, |zone| cells.push((zone as u32, w as u32)));
         }
         self.wall_cells.sort_unstable();
         self.wall_starts.clear();
-        self.wall_starts.resize(if scene.placed.is_empty() { 0 } else { self.grid.coarse_count() + 1 }, 0);
+        self.wall_starts.resize(if scene.placed.is_empty() { 0 } else { self.grid.zones() + 1 }, 0);
         self.wall_of.clear();
-        for &(cell, wall) in &self.wall_cells {
-            self.wall_starts[cell as usize + 1] += 1;
+        for &(zone, wall) in &self.wall_cells {
+            self.wall_starts[zone as usize + 1] += 1;
             self.wall_of.push(wall);
         }
         for c in 1..self.wall_starts.len() {
@@ -198,11 +195,11 @@ impl<const D: usize> Search<D> {
     fn find_in_tile(&self, scene: &Scene<D>, tile: usize, part: &mut Part) {
         let (p, grid) = (scene.particles, &self.grid);
         let first = part.pairs.len();
-        grid.each_in_tile(tile, |cell, a, others| {
+        grid.each_in_tile(tile, |zone, a, others| {
             let i = grid.order[a] as usize;
-            let range = self.bounds.speed(cell) * scene.h;
+            let range = self.bounds.speed(zone) * scene.h;
             if others.is_none() && !self.wall_starts.is_empty() && !p.held(i) {
-                let walls = self.wall_starts[cell] as usize..self.wall_starts[cell + 1] as usize;
+                let walls = self.wall_starts[zone] as usize..self.wall_starts[zone + 1] as usize;
                 near_walls(scene, i, &self.wall_of[walls], range, &mut part.near);
                 part.pairs.extend(part.near.iter().map(|n| [a as u32, WALL + n.wall]));
             }
@@ -284,13 +281,14 @@ impl<const D: usize> Search<D> {
         let p = scene.particles;
         self.grid.order.iter().enumerate().all(|(slot, &i)| {
             let i = i as usize;
-            let cell = self.grid.coarse_of(&p.position[i]);
+            let zone = self.grid.zone_of(slot, &p.position[i]);
             let v = problem.bodies.velocity(slot);
-            self.bounds.allows(cell, &v, p.radius[i], scene.h) || self.runs_free(scene, problem, i, &v)
+            self.bounds.allows(zone, &v, p.radius[i], scene.h)
+                || !self.grid.is_wide(slot) && self.runs_free(scene, problem, i, &v)
         })
     }
 
-    /// Whether grain i, at a velocity that the search did not expect, ends the sub-step without overlap with anything
+    /// Whether grain i, no wide one, at a velocity that the search did not expect, ends the sub-step without overlap with anything
     /// that was beyond the skin at its start. (What was nearer has a contact.)
     fn runs_free(&self, scene: &Scene<D>, problem: &Problem<D>, i: usize, v: &Vector<D>) -> bool {
         let p = scene.particles;

@@ -1,8 +1,8 @@
 //! How far apart two grains may be and still meet within one sub-step.
 //!
-//! Two grains meet only if their relative velocity closes their gap. Each coarsest cell knows the box of the
-//! velocities in it (before and after the forces act, and those of walls); `near` is the union with its neighbours.
-//! As long as every final velocity lies in the `near` box of its cell, two grains of neighbouring cells
+//! Two grains meet only if their relative velocity closes their gap. Each zone of the grid (a cell, or a grain wider than
+//! cells) knows the box of the velocities in it (before and after the forces act, and those of walls); `near` is the union
+//! with its neighbours. As long as every final velocity lies in the `near` box of its zone, two grains of neighbouring zones
 //! differ by at most the diagonal of the union of `near` around either: that times the sub-step, with a skin, is the
 //! range of detection. Velocities in common (a falling bed) cost nothing. The final velocities are checked;
 //! a grain thrown out of its box repeats the sub-step with the box widened, so no contact is missed.
@@ -50,26 +50,26 @@ impl<const D: usize> VelocityBox<D> {
 pub(crate) struct VelocityBounds<const D: usize> {
     own: Vec<VelocityBox<D>>,
     near: Vec<VelocityBox<D>>,
-    /// Largest relative speed of two grains of which one lies in the cell, m/s.
+    /// Largest relative speed of two grains of which one lies in the zone, m/s.
     speed: Vec<f32>,
 }
 
 impl<const D: usize> VelocityBounds<D> {
-    pub fn clear(&mut self, cells: usize) {
+    pub fn clear(&mut self, zones: usize) {
         self.own.clear();
-        self.own.resize(cells, VelocityBox::EMPTY);
+        self.own.resize(zones, VelocityBox::EMPTY);
     }
 
-    pub fn add(&mut self, cell: usize, v: &Vector<D>) {
-        self.own[cell].add(v);
+    pub fn add(&mut self, zone: usize, v: &Vector<D>) {
+        self.own[zone].add(v);
     }
 
-    /// Spreads the boxes over the neighbouring cells.
+    /// Spreads the boxes over the neighbouring zones.
     pub fn close(&mut self, grid: &Grid<D>) {
         let union = |from: &[VelocityBox<D>], into: &mut Vec<VelocityBox<D>>| {
             into.clear();
             into.resize(from.len(), VelocityBox::EMPTY);
-            grid.coarse_neighbours(|cell, other| into[cell].merge(&from[other]));
+            grid.neighbours(|zone, other| into[zone].merge(&from[other]));
         };
         union(&self.own, &mut self.near);
         union(&self.near, &mut self.own);
@@ -77,15 +77,15 @@ impl<const D: usize> VelocityBounds<D> {
         self.speed.extend(self.own.iter().map(|b| b.diagonal() as f32));
     }
 
-    /// Largest relative speed that grains of a coarsest cell may meet, m/s.
-    pub fn speed(&self, cell: usize) -> f64 {
-        self.speed[cell] as f64
+    /// Largest relative speed that grains of a zone may meet, m/s.
+    pub fn speed(&self, zone: usize) -> f64 {
+        self.speed[zone] as f64
     }
 
     /// Whether a final velocity keeps within what detection assumed; `travel` is h.
-    pub fn allows(&self, cell: usize, v: &Vector<D>, radius: f64, h: f64) -> bool {
+    pub fn allows(&self, zone: usize, v: &Vector<D>, radius: f64, h: f64) -> bool {
         // A velocity that is not finite is nothing that a wider search could mend.
-        self.near[cell].contains(v, 0.5 * SKIN * radius / h) || !v.iter().all(|x| x.is_finite())
+        self.near[zone].contains(v, 0.5 * SKIN * radius / h) || !v.iter().all(|x| x.is_finite())
     }
 }
 
