@@ -1,6 +1,7 @@
 //! What the tests share.
 
-use voidage::verify::{Effort, cases, solve};
+use voidage_campaign::Effort;
+use voidage_verification::{cases, solve};
 
 /// Solves the quick form of all cases of a group of the verification suite.
 ///

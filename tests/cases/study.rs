@@ -225,11 +225,11 @@ fn parts_make_the_same_table_as_one_run() {
 /// The short form of the studies that this program ships, but for those that need Python or a minute.
 #[test]
 fn shipped_studies_are_valid_and_run_in_their_quick_form() {
-    let studies = Path::new(env!("CARGO_MANIFEST_DIR")).join("studies");
+    let studies = Path::new(env!("CARGO_MANIFEST_DIR")).join("../studies");
     let mut count = 0;
     for entry in fs::read_dir(&studies).unwrap() {
         let path = entry.unwrap().path();
-        if path.extension().is_some_and(|extension| extension == "toml") {
+        if path.extension().is_some_and(|extension| extension == "toml") && !path.ends_with("Cargo.toml") {
             voidage().arg("study").arg(&path).arg("--list").assert().success();
             voidage().arg("study").arg(&path).args(["--list", "--quick"]).assert().success();
             count += 1;

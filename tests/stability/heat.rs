@@ -1,6 +1,5 @@
 //! Temperatures of grains that conduct strongly among themselves, in steps far above their relaxation time in the gas.
 
-use voidage::models::{FluidSet, Vec2, grid};
 use voidage_coupling::closure::{Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, TEMPERATURE};
@@ -8,6 +7,7 @@ use voidage_dem::packing::{Amount, Fill, Lattice, Radii, Region, lattice};
 use voidage_dem::{Conduction, Dem, Material, Settings, Wall};
 use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::transport::{Form, Scalar};
+use voidage_verification::models::{FluidSet, Vec2, grid};
 
 const DIAMETER: f64 = 1e-3;
 const WIDTH: f64 = 6.0 * DIAMETER;

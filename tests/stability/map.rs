@@ -1,14 +1,14 @@
 //! The quick map: the default scheme passes everywhere, the others fail where theory says; and what all schemes keep.
 
 use std::path::Path;
-use voidage::stability::{Axis, Verdict, axes, sample};
-use voidage::verify::Effort;
+use voidage_campaign::Effort;
 use voidage_coupling::Coupled;
 use voidage_coupling::scheme::cut::Cutting;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::{SchemeName, relaxation::Relaxation};
 use voidage_fluid::Vector;
 use voidage_scene::{Scene, Simulation};
+use voidage_stability::{Axis, Verdict, axes, sample};
 
 fn misses(axis: &Axis, scheme: SchemeName) -> Vec<String> {
     let mut misses = Vec::new();

@@ -1,11 +1,11 @@
 //! What passes the named parts of the boundary closes the balances of volume, momentum and scalars of every step.
 
 use std::path::Path;
-use voidage::models::Vec2;
 use voidage_coupling::{Coupled, HEAT};
 use voidage_fluid::element::{Element, weighted_load, weighted_mass};
 use voidage_fluid::flow::State;
 use voidage_scene::{Scene, Simulation};
+use voidage_verification::models::Vec2;
 
 /// A scene of the repository with equations that are solved to rounding.
 fn simulation(path: &str, sets: &[&str]) -> (Scene, Simulation) {

@@ -1,7 +1,6 @@
 //! Exact oracles of the exchange between grains and fluid.
 
 use approx::assert_relative_eq;
-use voidage::models::{FluidSet, SlipBox, Vec2, grains, grid, hot_grains, one_per_cell, weightless};
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::load::Law;
 use voidage_coupling::scheme::{Scheme, SchemeName};
@@ -9,6 +8,9 @@ use voidage_coupling::{Coupled, HEAT, Mixture, Result, StepReport, TEMPERATURE};
 use voidage_dem::{Conduction, Material, Settings};
 use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::transport::{Form, Scalar};
+use voidage_verification::models::{
+    FluidSet, SlipBox, Vec2, grains, grid, hot_grains, one_per_cell, weightless,
+};
 
 const OPEN: FlowCondition<2> = FlowCondition::Open { pressure: 0.0 };
 const GRAVITY: f64 = 9.81;

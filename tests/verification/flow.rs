@@ -2,13 +2,13 @@
 
 use approx::assert_relative_eq;
 use std::sync::Arc;
-use voidage::models::{FluidSet, Vec2, grid, steps_alone};
 use voidage_coupling::{HEAT, TEMPERATURE};
 use voidage_fluid::assembly::System;
 use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::State;
 use voidage_fluid::linear::Pattern;
 use voidage_fluid::transport::{Form, Scalar};
+use voidage_verification::models::{FluidSet, Vec2, grid, steps_alone};
 
 /// A stirred box with an obstacle of drag, solved in kg and in units a thousand times smaller: velocities are
 /// the same and pressures scale. The stabilisation as printed in the paper fails this.

@@ -2,7 +2,6 @@
 
 use std::f64::consts::PI;
 use std::path::Path;
-use voidage::models::{self, FluidSet, Vec2, three_per_cell};
 use voidage_coupling::backend::{FluidBackend, FluidStep, Immersed, Model, RustFluid, Solution};
 use voidage_coupling::exchange::{OnMesh, Rigid};
 use voidage_coupling::load::GrainLoad;
@@ -19,6 +18,7 @@ use voidage_fluid::points::Points;
 use voidage_fluid::transport::Scalar;
 use voidage_fluid::{Mesh, MeshMotion};
 use voidage_scene::{Scene, Simulation};
+use voidage_verification::models::{self, FluidSet, Vec2, three_per_cell};
 
 fn grid(size: [f64; 2], squares: [usize; 2]) -> Mesh<2> {
     models::grid(size, squares).expect("a valid rectangle")

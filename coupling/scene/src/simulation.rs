@@ -4,7 +4,7 @@ use crate::Scene;
 use crate::build;
 use crate::compare::{Findings, SideBySide};
 use crate::placing::Placing;
-use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, View, column_name};
+use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, Summary, View, column_name};
 use crate::totals::{Overlap, Totals};
 use serde::{Deserialize, Serialize};
 use voidage_coupling::backend::FluidBackend;
@@ -197,6 +197,22 @@ impl Simulation {
             Some(overlap) => Err(Error::Penetration(self.too_deep(overlap))),
             None => Ok(report),
         }
+    }
+
+    /// Puts what has added up over the steps into a summary.
+    pub fn sum_up(&self, summary: &mut Summary) {
+        let totals = &self.totals;
+        summary.steps = self.steps();
+        summary.time_s = self.time();
+        summary.max_penetration_over_radius = totals.max_penetration_over_radius;
+        summary.penetrating_steps = totals.max_penetration_over_radius.map(|_| totals.penetrating.steps);
+        summary.unconverged_steps = totals.unconverged.steps;
+        summary.fluid_solves = totals.fluid_solves;
+        summary.disagreeing_steps = totals.disagreeing.map(|tally| tally.steps);
+        summary.remeshings = (totals.remeshings > 0).then_some(totals.remeshings);
+        summary.momentum_exchange_defect = totals.momentum_exchange_defect;
+        summary.energy_exchange_defect = totals.energy_exchange_defect;
+        summary.solid_volume_defect = totals.solid_volume_defect;
     }
 
     /// What ends a run whose grains overlap too much.

@@ -1,0 +1,5 @@
+//! Pictures of tables.
+
+pub mod bars;
+pub mod canvas;
+pub mod panels;

@@ -1,0 +1,228 @@
+//! What contacts cost in beds of 4 thousand to a million discs: built, from a cold start, at rest, and under an impact.
+//!
+//! `cargo bench -p voidage --bench beds -- [--sizes 4000,20000,90000] [--threads 1,2] [--impact 200] [--out DIR]` runs every bed in
+//! a process of its own and writes `beds.csv` (with the name of the machine) and `beds.png`; beds that the table in DIR has
+//! of this machine and version are not run again. `--impact` is the number of steps under the heavy disc. Discs of 44 to
+//! 55 um, dropped and rolled between rough walls, square beds up to 400 rows, friction 0.3, steps of 0.5 ms, default settings.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+use voidage_campaign::plot::panels::{Curve, Panel, grid};
+use voidage_dem::packing::{Amount, Fill, Method, Radii, Region, pour, unobserved};
+use voidage_dem::{Dem, Load, Material, Particles, Settings, Vector, Wall};
+
+const STEP: f64 = 5e-4;
+const DIAMETER: f64 = 50e-6;
+const FRICTION: f64 = 0.3;
+const MOST_ROWS: f64 = 400.0;
+/// Steps of the cold start, until the bed rests, and at rest.
+const COLD: usize = 1;
+const SETTLING: usize = 120;
+const REST: usize = 20;
+/// The disc that is dropped: its diameter in those of the bed, and its speed, m/s.
+const HEAVY: f64 = 50.0;
+const SPEED: f64 = 0.17;
+
+const HEADER: [&str; 10] = [
+    "machine",
+    "version",
+    "grains",
+    "threads",
+    "phase",
+    "steps",
+    "median_s",
+    "mean_s",
+    "sweeps_per_step",
+    "bytes_per_grain",
+];
+
+fn at(x: f64, y: f64) -> Vector<2> {
+    Vector::<2>::new(x, y)
+}
+
+/// Entry of a file of /proc by its name.
+fn entry(path: &str, name: &str) -> Option<String> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let line = text.lines().find(|line| line.starts_with(name))?;
+    Some(line.split_once(':')?.1.trim().into())
+}
+
+/// Memory that this process holds, bytes; 0 where the system does not tell.
+fn resident() -> f64 {
+    let kilobytes = entry("/proc/self/status", "VmRSS").and_then(|text| text.split(' ').next()?.parse().ok());
+    1024.0 * kilobytes.unwrap_or(0.0)
+}
+
+fn walls(width: f64) -> Vec<Wall<2>> {
+    let wall = |name: &str, from, to| Wall { friction: FRICTION, ..Wall::new(name, from, to) };
+    vec![
+        wall("floor", at(0.0, 0.0), at(width, 0.0)),
+        wall("left", at(0.0, 0.0), at(0.0, 1.0)),
+        wall("right", at(width, 0.0), at(width, 1.0)),
+    ]
+}
+
+/// Times of steps, and what they took.
+#[derive(Default)]
+struct Phase {
+    seconds: Vec<f64>,
+    sweeps: usize,
+}
+
+impl Phase {
+    /// Steps of a bed; the disc, its last grain, hovers if `parked`.
+    fn of(dem: &mut Dem<2>, steps: usize, parked: bool) -> Self {
+        let mut phase = Self::default();
+        let disc = dem.particles.len() - 1;
+        let place = dem.particles.position[disc];
+        for _ in 0..steps {
+            let start = Instant::now();
+            phase.sweeps += dem.step(STEP, &Load::default()).sweeps;
+            phase.seconds.push(start.elapsed().as_secs_f64());
+            if parked {
+                (dem.particles.position[disc], dem.particles.velocity[disc]) = (place, at(0.0, 0.0));
+            }
+        }
+        phase
+    }
+
+    /// Prints a row of the table, without the machine.
+    fn print(mut self, name: &str, grains: usize, bytes: f64) {
+        let steps = self.seconds.len() as f64;
+        let mean = self.seconds.iter().sum::<f64>() / steps;
+        self.seconds.sort_by(f64::total_cmp);
+        let median = self.seconds[self.seconds.len() / 2];
+        println!(
+            "{},{grains},{},{name},{steps},{median:.3e},{mean:.3e},{:.1},{bytes:.0}",
+            env!("CARGO_PKG_VERSION"),
+            rayon::current_num_threads(),
+            self.sweeps as f64 / steps,
+        );
+    }
+}
+
+/// All phases of one bed.
+fn bed(count: usize, impact: usize) {
+    let materials = vec![Material { density: 3200.0, friction: FRICTION, ..Material::default() }];
+    let rows = (count as f64).sqrt().min(MOST_ROWS);
+    let width = DIAMETER * (count as f64 / rows).round();
+    let fill = Fill {
+        radii: Radii::Uniform { min: 0.44 * DIAMETER, max: 0.55 * DIAMETER },
+        amount: Amount::Count(count),
+        material: 0,
+        materials: &materials,
+        seed: 1,
+    };
+    let start = Instant::now();
+    let region = Region { low: at(0.0, 0.0), high: at(width, 1.0) };
+    let mut grains =
+        pour(&region, &[], &fill, Method::DropAndRoll, &mut unobserved).expect("the region is high enough");
+    let built = Phase { seconds: vec![start.elapsed().as_secs_f64()], sweeps: 0 };
+    built.print("built", count, 0.0);
+    let before = resident();
+    let radius = 0.5 * HEAVY.min(0.25 * width / DIAMETER) * DIAMETER;
+    let above = at(0.5 * width, highest(&grains) + 3.0 * radius);
+    grains.append(Particles::new(vec![above], vec![radius], vec![0], &materials).expect("a disc"));
+    let mut dem = Dem::new(grains.rotating(), walls(width), materials, Settings::default())
+        .expect("the scene is valid");
+    Phase::of(&mut dem, COLD, true).print("cold start", count, 0.0);
+    Phase::of(&mut dem, SETTLING, true).print("settling", count, 0.0);
+    let rest = Phase::of(&mut dem, REST, true);
+    rest.print("at rest", count, (resident() - before) / count as f64);
+    let disc = dem.particles.position.pop().expect("the disc is the last");
+    let top = highest(&dem.particles);
+    dem.particles.position.push(at(disc.x, top + radius + DIAMETER));
+    dem.particles.velocity[count] = at(0.0, -SPEED);
+    Phase::of(&mut dem, impact, false).print("impact", count, 0.0);
+}
+
+/// Height of the highest centre, m.
+fn highest(grains: &Particles<2>) -> f64 {
+    grains.position.iter().fold(0.0, |top, x| x.y.max(top))
+}
+
+/// What follows an option, in parts between commas.
+fn option(name: &str, default: &str) -> Vec<String> {
+    let all: Vec<String> = std::env::args().collect();
+    let given = all.iter().position(|a| a == name).and_then(|k| all.get(k + 1));
+    given.map_or(default, |text| text).split(',').map(String::from).collect()
+}
+
+fn numbers(name: &str, default: &str) -> Vec<usize> {
+    let parse = |text: String| text.parse().unwrap_or_else(|_| panic!("{name}: {text} is no whole number"));
+    option(name, default).into_iter().map(parse).collect()
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let impact = numbers("--impact", "200")[0];
+    if let [count] = numbers("--bed", "0")[..]
+        && count > 0
+    {
+        bed(count, impact);
+        return Ok(());
+    }
+    let out = PathBuf::from(option("--out", "../../target/beds").remove(0));
+    std::fs::create_dir_all(&out)?;
+    let processor = entry("/proc/cpuinfo", "model name").unwrap_or_else(|| "unknown".into());
+    let file = out.join("beds.csv");
+    let mut rows: Vec<Vec<String>> = vec![];
+    if file.exists() {
+        for row in csv::Reader::from_path(&file)?.records() {
+            rows.push(row?.iter().map(String::from).collect());
+        }
+    }
+    println!("{}", HEADER[1..].join(","));
+    for size in numbers("--sizes", "4000,20000,90000") {
+        for threads in numbers("--threads", "1,2") {
+            let [size, threads] = [size, threads].map(|number| number.to_string());
+            let wanted = [processor.as_str(), env!("CARGO_PKG_VERSION"), &size, &threads];
+            if rows.iter().any(|row| row[..4] == wanted) {
+                continue;
+            }
+            let mut run = Command::new(std::env::current_exe()?);
+            run.args(["--bed", &size, "--impact", &impact.to_string()]).env("RAYON_NUM_THREADS", threads);
+            let told = run.output()?;
+            if !told.status.success() {
+                return Err(format!("{size} grains: {}", String::from_utf8_lossy(&told.stderr)).into());
+            }
+            for line in String::from_utf8(told.stdout)?.lines() {
+                println!("{line}");
+                let row = std::iter::once(processor.as_str()).chain(line.split(','));
+                rows.push(row.map(Into::into).collect());
+            }
+            write(&file, &rows)?;
+        }
+    }
+    draw(&out.join("beds.png"), &rows)?;
+    Ok(())
+}
+
+fn write(file: &Path, rows: &[Vec<String>]) -> csv::Result<()> {
+    let mut table = csv::Writer::from_path(file)?;
+    table.write_record(HEADER)?;
+    rows.iter().try_for_each(|row| table.write_record(row))?;
+    Ok(table.flush()?)
+}
+
+/// Time of a step over the number of grains, a panel for each phase.
+fn draw(path: &Path, rows: &[Vec<String>]) -> Result<(), Box<dyn std::error::Error>> {
+    let mut panels = vec![];
+    for (phase, title) in [
+        ("cold start", "First step from a cold start"),
+        ("at rest", "Step at rest"),
+        ("impact", "Step under a heavy disc"),
+    ] {
+        let mut curves: Vec<Curve> = vec![];
+        for row in rows.iter().filter(|row| row[4] == phase) {
+            let name = format!("{} thread{}", row[3], if row[3] == "1" { "" } else { "s" });
+            let point = (row[2].parse()?, row[7].parse()?);
+            match curves.iter_mut().find(|curve| curve.name == name) {
+                Some(curve) => curve.points.push(point),
+                None => curves.push(Curve::joined(name, vec![point])),
+            }
+        }
+        panels.push(Panel { curves, ..Panel::log_log(title, "discs", "mean time of a step (s)") });
+    }
+    Ok(grid(path, panels.len(), &panels)?)
+}

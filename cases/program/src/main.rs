@@ -1,0 +1,151 @@
+//! The program `voidage`: runs scenes, checks them, and draws what a run left.
+//!
+//! Exit codes: 0 done; 1 the run failed (solver, disk) or was interrupted; 2 the input is wrong.
+
+mod check;
+mod compare;
+mod doctor;
+mod placing;
+mod plot;
+mod report;
+mod run;
+
+use clap::{Parser, Subcommand};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+use voidage_campaign::progress;
+use voidage_coupling::{Error, Notice, Result};
+use voidage_remote::transport::Address;
+use voidage_scene::{Scene, json_schema};
+
+/// Discrete grains in a finite element fluid.
+#[derive(Parser)]
+#[command(
+    version,
+    after_help = "Exit codes: 0 done; 1 the run failed or was interrupted; 2 the input is wrong."
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a scene; Ctrl-C writes a checkpoint and ends cleanly (exit code 1).
+    Run(run::Options),
+    /// Show the same states to several fluid solvers, then run them side by side; exit code 1 if a step from the same
+    /// state differs by more than the tolerance.
+    Compare(compare::Options),
+    /// Solve cases with known answers; exit code 1 if one is missed by more than is allowed.
+    Verify(voidage_verification::Options),
+    /// Map what is stable: every coupling scheme over density, step, voidage and so on, against theory.
+    Stability(voidage_stability::Options),
+    /// Measure error against run time over mesh, step, tolerance, scheme, solver; goes on where it stopped. Exit code 1 if a
+    /// run failed.
+    Study(voidage_studies::Options),
+    /// One run of a study, for `study` itself.
+    #[command(hide = true)]
+    Measure,
+    /// Read a scene, check it, and say which parts are on and how large they are.
+    Check {
+        /// Scene file (TOML).
+        scene: PathBuf,
+        /// Change a key of the scene: `grains[0].radius.constant=5e-4` (may be repeated).
+        #[arg(long = "set", value_name = "KEY=VALUE")]
+        sets: Vec<String>,
+    },
+    /// Draw the pictures of a run again from the files in its folder.
+    Plot {
+        /// Folder of the run.
+        folder: PathBuf,
+    },
+    /// Print all keys of a scene with their meaning, units and defaults, as JSON schema.
+    Schema {
+        /// Those of a study.
+        #[arg(long)]
+        study: bool,
+    },
+    /// Solve the fluid of a run in another process, with the Rust solver.
+    Serve {
+        /// Where the run is: `shm:NAME` or `tcp:HOST:PORT`.
+        #[arg(long, value_name = "ADDRESS")]
+        connect: Address,
+        /// How long the run may take to be there, s.
+        #[arg(long, value_name = "S", default_value_t = 60.0)]
+        wait: f64,
+    },
+    /// Say whether this machine has what the program needs.
+    Doctor,
+}
+
+/// Exit code of programs that the shell ends for writing to nobody.
+const NOBODY_READS: i32 = 141;
+
+/// A reader that has read enough, as `head`, closes the pipe: ends the program as others end, instead of with a panic's message.
+fn end_quietly_where_nobody_reads() {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let text = panic.payload().downcast_ref::<String>().map_or("", String::as_str);
+        if text.starts_with("failed printing to stdout") && text.contains("Broken pipe") {
+            std::process::exit(NOBODY_READS);
+        }
+        report(panic);
+    }));
+}
+
+fn main() -> ExitCode {
+    end_quietly_where_nobody_reads();
+    let arguments = Arguments::parse();
+    let quiet = match &arguments.command {
+        Command::Run(options) => options.quiet,
+        Command::Compare(options) => options.quiet,
+        Command::Verify(options) => options.suite.quiet,
+        Command::Stability(options) => options.suite.quiet,
+        Command::Study(options) => options.quiet(),
+        Command::Measure => true,
+        _ => false,
+    };
+    progress::start_logging(quiet);
+    match perform(arguments.command) {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            report::print(&error);
+            ExitCode::from(if error.is_input() { 2 } else { 1 })
+        }
+    }
+}
+
+/// Does what was asked; the number is the exit code.
+fn perform(command: Command) -> Result<u8> {
+    match command {
+        Command::Run(options) => run::run(&options),
+        Command::Compare(options) => compare::compare(&options),
+        Command::Verify(options) => voidage_verification::verify(&options),
+        Command::Stability(options) => voidage_stability::stability(&options),
+        Command::Study(options) => voidage_studies::study(&options),
+        Command::Measure => voidage_studies::measure(),
+        Command::Check { scene, sets } => check::check(&scene, &sets),
+        Command::Plot { folder } => {
+            let pictures = plot::draw(&folder)?;
+            if pictures.is_empty() {
+                let what = format!("{}: holds neither series.csv nor frames", folder.display());
+                return Err(Error::input(Notice::new(what, plot::FOLDER)));
+            }
+            pictures.iter().for_each(|picture| println!("{}", picture.display()));
+            Ok(0)
+        }
+        Command::Schema { study } => {
+            let schema = if study { json_schema::<voidage_studies::Study>() } else { json_schema::<Scene>() };
+            println!("{schema:#}");
+            Ok(0)
+        }
+        Command::Serve { connect, wait } => {
+            let wait = Duration::try_from_secs_f64(wait)
+                .map_err(|error| Error::input(format!("--wait {wait}: {error}")))?;
+            voidage_remote::serve::serve(&connect, wait)?;
+            Ok(0)
+        }
+        Command::Doctor => doctor::doctor(),
+    }
+}

@@ -1,0 +1,144 @@
+//! Pictures of a run, drawn from the files in its folder.
+
+mod fit;
+mod lines;
+mod maps;
+mod snapshot;
+mod table;
+
+use std::path::{Path, PathBuf};
+use table::Table;
+use tracing::info;
+use voidage_coupling::{Error, Notice, Result};
+use voidage_scene::Scene;
+use voidage_scene::compare::Finding;
+use voidage_scene::recorder::{Summary, read_collection};
+
+/// Which folders have pictures.
+pub const FOLDER: &str = "give the folder of a run (its option --out)";
+
+/// Draws all pictures that the files in a folder allow.
+pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
+    if !folder.join("scene.toml").is_file() {
+        let what = format!("{}: holds no scene.toml", folder.display());
+        return Err(Error::input(Notice::new(what, FOLDER)));
+    }
+    let scene = Scene::read(&folder.join("scene.toml"), &[])?;
+    let mut drawn = Vec::new();
+    let series = folder.join("series.csv");
+    if series.is_file() {
+        let series = Table::read(&series)?;
+        if let Some(picture) = temperature(folder, &scene, &series)? {
+            drawn.push(picture);
+        }
+        if let Some(picture) = pressure(folder, &scene, &series)? {
+            drawn.push(picture);
+        }
+    }
+    drawn.extend(snapshots(folder, &scene)?);
+    let averages = folder.join("averages.csv");
+    if averages.is_file() {
+        drawn.extend(maps::draw(folder, &Table::read(&averages)?)?);
+    }
+    Ok(drawn)
+}
+
+/// Root mean square differences of runs side by side against time, one picture per fluid solver; `step` is the time
+/// step, s.
+pub fn differences(folder: &Path, step: f64, findings: &[Finding]) -> Result<()> {
+    let mut solvers: Vec<&str> = findings.iter().map(|finding| finding.solver.as_str()).collect();
+    solvers.sort_unstable();
+    solvers.dedup();
+    for solver in solvers {
+        let mut curves: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+        for finding in findings.iter().filter(|finding| finding.solver == solver) {
+            for (k, difference) in finding.differences.iter().enumerate() {
+                if curves.len() == k {
+                    curves.push((difference.quantity.to_owned(), Vec::new()));
+                }
+                curves[k].1.push((finding.step as f64 * step, difference.l2));
+            }
+        }
+        if curves.iter().all(|(_, points)| points.iter().all(|(_, difference)| *difference == 0.0)) {
+            info!("{solver}: equal to the bit");
+            continue;
+        }
+        let name = solver.replace([':', '/', ' '], "-");
+        lines::differences(&folder.join(format!("free-runs-{name}.png")), curves)?;
+    }
+    Ok(())
+}
+
+/// Mean grain temperature against time, with an exponential.
+fn temperature(folder: &Path, scene: &Scene, series: &Table) -> Result<Option<PathBuf>> {
+    let (Some(time), Some(mean)) = (series.column("time_s"), series.column("mean_grain_temperature_K"))
+    else {
+        return Ok(None);
+    };
+    let fit = fit::exponential(time, mean, outer_temperature(scene));
+    if let Some(fit) = &fit {
+        info!("mean grain temperature: time constant {:.3} s towards {:.2} K", fit.time_constant, fit.limit);
+        fit.write(&folder.join("temperature_fit.json"))?;
+    }
+    let path = folder.join("temperature.png");
+    lines::temperature(&path, time, mean, fit.as_ref())?;
+    Ok(Some(path))
+}
+
+/// The one temperature that fluid enters with and walls have; none if they differ.
+fn outer_temperature(scene: &Scene) -> Option<f64> {
+    use voidage_scene::HeatBoundary;
+    let fluid = scene.fluid.as_ref()?;
+    let walls = fluid.thin_cell.iter().filter_map(|cell| cell.heat.as_ref()).map(|heat| heat.temperature);
+    let boundaries = fluid.boundaries.iter().filter_map(|boundary| match boundary.heat.as_ref()? {
+        HeatBoundary::Temperature(temperature) | HeatBoundary::Newton { temperature, .. } => {
+            Some(*temperature)
+        }
+        HeatBoundary::Open { .. } | HeatBoundary::Adiabatic => None,
+    });
+    let mut all = walls.chain(boundaries);
+    let first = all.next()?;
+    all.all(|other| other == first).then_some(first)
+}
+
+/// Pressure drop against time, with its mean and the weight of the bed.
+fn pressure(folder: &Path, scene: &Scene, series: &Table) -> Result<Option<PathBuf>> {
+    let (Some(time), Some(drop)) = (series.column("time_s"), series.column("pressure_drop_Pa")) else {
+        return Ok(None);
+    };
+    let summary = folder.join("summary.json");
+    let weight = if summary.is_file() { Summary::read(&summary)?.bed_weight_per_area } else { None };
+    let end = time.last().copied().unwrap_or(0.0);
+    let window = match &scene.output.average {
+        Some(average) if average.from < end => (average.from, average.to.min(end)),
+        _ => (0.5 * end, end),
+    };
+    let path = folder.join("pressure.png");
+    lines::pressure(&path, time, drop, window, weight)?;
+    Ok(Some(path))
+}
+
+/// Pictures of the frames at the times that the scene asks for, and of the last.
+fn snapshots(folder: &Path, scene: &Scene) -> Result<Vec<PathBuf>> {
+    let list = |name: &str| {
+        let path = folder.join(name);
+        if path.is_file() { read_collection(&path) } else { Ok(Vec::new()) }
+    };
+    let (grains, fluid) = (list("grains.pvd")?, list("fluid.pvd")?);
+    let mut times: Vec<f64> = grains.iter().chain(&fluid).map(|(time, _)| *time).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let wanted = |time: f64| {
+        let asked = scene.output.snapshots.iter().any(|at| (at - time).abs() <= 0.51 * scene.time.step);
+        asked || times.last() == Some(&time)
+    };
+    let mut drawn = Vec::new();
+    for time in times.iter().copied().filter(|time| wanted(*time)) {
+        let at =
+            |list: &[(f64, PathBuf)]| list.iter().find(|(t, _)| *t == time).map(|(_, file)| file.clone());
+        let path = folder.join(format!("snapshot-{time:.3}s.png"));
+        snapshot::draw(&path, scene, time, at(&grains).as_deref(), at(&fluid).as_deref())?;
+        drawn.push(path);
+    }
+    Ok(drawn)
+}

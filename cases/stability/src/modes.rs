@@ -1,0 +1,474 @@
+//! Single modes of homogeneous mixtures: their amplification per step is known in closed form.
+//!
+//! Speeds are so small that drag is linear, convection is below round-off and no grain moves. With beta the drag per
+//! volume and slip: A = beta dt/(eps rho_f), B = beta dt/(phi rho_p) = dt over the relaxation time of a grain,
+//! r = (rho_f/rho_p)(phi/eps), so that A = B phi rho_p/(eps rho_f), and K = B/eps in a closed box, where eps u + phi v = 0.
+
+use super::axis::{Axis, Sample, Tally, Verdict, product};
+use voidage_campaign::Effort;
+use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
+use voidage_dem::{Dem, Load, Material, Motion, Settings, Wall};
+use voidage_fluid::Mesh;
+use voidage_fluid::conditions::{Condition, FlowCondition, ScalarCondition};
+use voidage_fluid::transport::Scalar;
+use voidage_verification::models::{
+    FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
+};
+
+/// Grain over fluid density.
+const DENSITY: [f64; 9] = [0.01, 0.1, 0.5, 1.0, 1.5, 2.65, 10.0, 100.0, 2500.0];
+/// Step over relaxation time of the grains.
+const STEP: [f64; 10] = [1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6];
+/// Voidage.
+const VOIDAGE: [f64; 7] = [0.9, 0.6, 0.4, 0.1, 1e-2, 1e-3, 1e-4];
+
+const RHO_F: f64 = 3.0;
+const VISCOSITY: f64 = 1e-2;
+/// A power of two, so that grains lie on their floors without a gap or an overlap from rounding.
+const RADIUS: f64 = 1.0 / 16384.0;
+/// Deviation of a factor from theory, as a share of the mode.
+const ALLOWED: f64 = 1e-3;
+
+/// The axes of this file.
+pub const AXES: &[Axis] = &[
+    Axis {
+        name: "closed-box",
+        title: "Grains against fluid in a closed box, voidage 0.6",
+        source: "closed form: roots of the closed box",
+        labels: ["grain density / fluid density", "step / relaxation time of the grain"],
+        coupled: true,
+        points: |effort| match effort {
+            Effort::Quick => product(&[0.01, 1.0, 2500.0], &[1e-2, 1.0, 1e3, 1e6]),
+            Effort::Full => product(&DENSITY, &STEP),
+        },
+        run: |[density, step], scheme, _| closed_box(Mixture { density, solid: 0.4 }, step, scheme),
+        theory: |[density, step], scheme| {
+            Some(Mixture { density, solid: 0.4 }.root(scheme, step) < 1.0 + 1e-9)
+        },
+    },
+    Axis {
+        name: "closed-box-voidage",
+        title: "The same at grain density / fluid density 2.65",
+        source: "closed form: roots of the closed box",
+        labels: ["voidage", "step / relaxation time of the grain"],
+        coupled: true,
+        points: |effort| match effort {
+            Effort::Quick => product(&[0.9, 1e-2, 1e-4], &[1e-2, 1.0, 1e3]),
+            Effort::Full => product(&VOIDAGE, &STEP),
+        },
+        run: |[voidage, step], scheme, _| {
+            closed_box(Mixture { density: 2.65, solid: 1.0 - voidage }, step, scheme)
+        },
+        theory: |[voidage, step], scheme| {
+            Some(Mixture { density: 2.65, solid: 1.0 - voidage }.root(scheme, step) < 1.0 + 1e-9)
+        },
+    },
+    Axis {
+        name: "slip",
+        title: "Slip without constraint, voidage 0.6",
+        source: "closed form: slip in a periodic box",
+        labels: ["grain density / fluid density", "step / relaxation time of the grain"],
+        coupled: true,
+        points: |effort| match effort {
+            Effort::Quick => product(&[0.01, 1.0, 2500.0], &[1e-2, 1.0, 1e3, 1e6]),
+            Effort::Full => product(&DENSITY, &STEP),
+        },
+        run: |[density, step], scheme, _| slip(Mixture { density, solid: 0.4 }, step, scheme, false),
+        theory: |[density, step], scheme| Mixture { density, solid: 0.4 }.slip_theory(scheme, step),
+    },
+    Axis {
+        name: "held-shear",
+        title: "Shear of the fluid in a bed that rests on walls, voidage 0.6",
+        source: "closed form: shear of the fluid in a held bed, by scheme",
+        labels: ["grain density / fluid density", "step / relaxation time of the grain"],
+        coupled: true,
+        points: |effort| match effort {
+            Effort::Quick => product(&[0.1, 2.65, 2500.0], &[1e-2, 1.0, 1e2, 1e4]),
+            Effort::Full => product(&DENSITY, &STEP),
+        },
+        run: |[density, step], scheme, _| slip(Mixture { density, solid: 0.4 }, step, scheme, true),
+        // Without contact forces in the prediction a closed box takes the weight, and the walls no longer hold the grains.
+        theory: |[density, step], scheme| match scheme {
+            SchemeName::HenryFree | SchemeName::Lagged => None,
+            _ => Some(Mixture { density, solid: 0.4 }.held_root(scheme, step) <= 1.0),
+        },
+    },
+    Axis {
+        name: "heat",
+        title: "Temperatures of grains and fluid in an insulated box",
+        source: "closed form: temperatures of a closed box",
+        labels: ["capacity of grains / of fluid, per volume", "hA dt / (m c)"],
+        coupled: true,
+        points: |effort| match effort {
+            Effort::Quick => product(&[0.1, 1000.0], &[1e-2, 1.0, 1e3, 1e6]),
+            Effort::Full => product(&[0.01, 0.1, 1.0, 10.0, 1000.0], &STEP),
+        },
+        run: |[ratio, step], scheme, _| heat(ratio, step, scheme),
+        theory: |[ratio, step], scheme| known(heat_factor(ratio, scheme, step), scheme, step, true),
+    },
+];
+
+/// A homogeneous mixture.
+#[derive(Clone, Copy, Debug)]
+struct Mixture {
+    /// rho_p / rho_f.
+    density: f64,
+    /// phi.
+    solid: f64,
+}
+
+impl Mixture {
+    fn voidage(&self) -> f64 {
+        1.0 - self.solid
+    }
+
+    /// A / B.
+    fn ratio(&self) -> f64 {
+        self.solid * self.density / self.voidage()
+    }
+
+    /// v' = p v + q v_old in the closed box: (p, q).
+    fn recursion(&self, scheme: SchemeName, b: f64) -> (f64, f64) {
+        let eps = self.voidage();
+        let (r, k) = (self.solid / eps / self.density, b / eps);
+        match scheme {
+            SchemeName::Explicit => (1.0 - r - k / eps, r),
+            SchemeName::Lagged => ((1.0 - r - k * self.solid / eps) / (1.0 + k), r / (1.0 + k)),
+            _ => ((1.0 + r) / (1.0 + r + k / eps), 0.0),
+        }
+    }
+
+    /// The larger root of the recursion, in magnitude.
+    fn root(&self, scheme: SchemeName, b: f64) -> f64 {
+        larger_root(self.recursion(scheme, b))
+    }
+
+    fn slip_factor(&self, scheme: SchemeName, b: f64) -> f64 {
+        let a = b * self.ratio();
+        match scheme {
+            SchemeName::Explicit => (1.0 - b) / (1.0 + a),
+            _ => 1.0 / (1.0 + a + b),
+        }
+    }
+
+    fn slip_theory(&self, scheme: SchemeName, b: f64) -> Option<bool> {
+        known(self.slip_factor(scheme, b), scheme, b, self.root(scheme, b) <= 1.0)
+    }
+
+    /// u' = p u + q u_old of the shear of the fluid between held grains: (p, q).
+    ///
+    /// `henry` moves the grains by the force F = gamma (u - v*) of its law, so that the contact force it predicts with is -F:
+    /// (1 + B) v*' = B (u' - u + v*), and (1 + A) u' = u + A v*'. Eliminating v* gives
+    /// (1 + A + B) u'' = (1 + 2 B) u' - B u, stable for all A and B. (The factor (1 + B - A B)/(1 + A + B) holds where the
+    /// contact force answers to gamma u instead: implicit drag with this prediction.)
+    fn held_recursion(&self, scheme: SchemeName, b: f64) -> (f64, f64) {
+        let a = b * self.ratio();
+        match scheme {
+            SchemeName::Henry => ((1.0 + 2.0 * b) / (1.0 + a + b), -b / (1.0 + a + b)),
+            SchemeName::HenryFree | SchemeName::Lagged => ((1.0 + b) / (1.0 + a + b), 0.0),
+            _ => (1.0 / (1.0 + a), 0.0),
+        }
+    }
+
+    fn held_root(&self, scheme: SchemeName, b: f64) -> f64 {
+        larger_root(self.held_recursion(scheme, b))
+    }
+
+    /// Step, s, for which the grains' relaxation times B go by; and the fluid.
+    fn step(&self, set: &FluidSet, b: f64) -> f64 {
+        let around = Surroundings {
+            slip: 0.0,
+            voidage: self.voidage(),
+            diameter: 2.0 * RADIUS,
+            density: RHO_F,
+            viscosity: VISCOSITY,
+        };
+        b * self.density * RHO_F / set.laws(None).drag.coefficient(&around, VoidageFunction::None)
+    }
+
+    /// Three grains per cell that together fill the share phi of a mesh of equal cells.
+    fn grains(&self, mesh: &Mesh<2>, settings: Settings<2>, floors: bool) -> Result<Dem<2>> {
+        let material = Material { density: self.density * RHO_F, friction: 10.0, ..Material::default() };
+        let round = |x: f64| (x * 2f64.powi(30)).round() / 2f64.powi(30);
+        let places: Vec<Vec2> = three_per_cell(mesh).iter().map(|place| place.map(round)).collect();
+        let mut dem = grains(places.clone(), RADIUS, material.clone(), settings.clone())?;
+        if floors {
+            let walls = places.iter().map(floor).collect();
+            dem = Dem::new(dem.particles, walls, vec![material], settings)?;
+        }
+        let volume = self.solid * mesh.measure(0) / 3.0;
+        dem.particles.volume.fill(volume);
+        dem.particles.mass.fill(self.density * RHO_F * volume);
+        Ok(dem)
+    }
+}
+
+/// The larger root of z^2 = p z + q, in magnitude.
+fn larger_root((p, q): (f64, f64)) -> f64 {
+    let square = 0.25 * p * p + q;
+    match square >= 0.0 {
+        true => 0.5 * p.abs() + square.sqrt(),
+        false => (-q).sqrt(),
+    }
+}
+
+/// What a factor says of a point: unstable above one. Below one the mode is stable, but with the explicit scheme rounding
+/// may grow in others: in grains whose mean the fluid does not see (by 1 - B), in the constraint (`quiet`).
+fn known(factor: f64, scheme: SchemeName, b: f64, quiet: bool) -> Option<bool> {
+    let noisy = matches!(scheme, SchemeName::Explicit | SchemeName::Lagged) && !quiet;
+    match factor.abs() <= 1.0 {
+        true if noisy || (scheme == SchemeName::Explicit && b > 2.0) => None,
+        stable => Some(stable),
+    }
+}
+
+/// A fluid whose pressure stabilisation knows the drag. Without it (the paper's form) the discrete pressure of a
+/// mixture with stiff drag is smeared: with A >> 1 a mode of wave number k on elements of size h would be off by
+/// about A (k h)^2 / 24, which hides what the scheme does.
+fn fluid() -> FluidSet {
+    let mut set = FluidSet::new(RHO_F, VISCOSITY);
+    set.properties.drag_in_stabilisation = true;
+    set
+}
+
+/// A short wall that a grain rests on.
+fn floor(place: &Vec2) -> Wall<2> {
+    let end = |side: f64| place + Vec2::new(side * RADIUS, -RADIUS);
+    Wall {
+        name: "floor".into(),
+        points: [end(-1.0), end(1.0)],
+        friction: 10.0,
+        restitution: 0.0,
+        motion: Motion::Fixed,
+        temperature: None,
+        conductivity: None,
+    }
+}
+
+/// Steps of a mode at most, and the size, as a share of the first, below which it is not followed any longer.
+const STEPS: usize = 12;
+const VANISHED: f64 = 1e-6;
+/// Size, as a multiple of the first, from which it has grown without bound.
+const GROWN: f64 = 1e6;
+
+fn ended(share: f64) -> bool {
+    !(VANISHED..GROWN).contains(&share.abs())
+}
+
+/// A mode over the steps: its size, what each step misses of the recursion (as a share of the mode), what it took.
+struct Course {
+    sizes: Vec<f64>,
+    missed: Vec<f64>,
+    tally: Tally,
+}
+
+/// Elements of the closed box along the mode.
+const ELEMENTS: usize = 96;
+/// Voidage below which linear elements do not resolve the mode: their error is of the order of (k h)^2 / eps.
+const RESOLVED: f64 = 0.39;
+
+/// Half a wave of grains against fluid between two ends, v = sin(pi x/L), u = -(phi/eps) v, on two meshes: what is left when
+/// the error of second order is extrapolated away is compared with theory.
+fn closed_box(mixture: Mixture, b: f64, scheme: SchemeName) -> Result<Sample> {
+    let [coarse, fine] =
+        [half_wave(mixture, b, scheme, ELEMENTS)?, half_wave(mixture, b, scheme, 2 * ELEMENTS)?];
+    let extrapolated = coarse.missed.iter().zip(&fine.missed).map(|(c, f)| (4.0 * f - c).abs() / 3.0);
+    let mut deviation = extrapolated.fold(0.0, f64::max);
+    let steps = fine.missed.len();
+    let growth = (fine.sizes[steps] / fine.sizes[1]).abs().powf(1.0 / (steps as f64 - 1.0).max(1.0));
+    let root = mixture.root(scheme, b);
+    if mixture.voidage() < RESOLVED && (growth <= 1.0) == (root <= 1.0) {
+        deviation = 0.0;
+    }
+    Ok(judge(deviation, growth, root, fine.tally))
+}
+
+fn half_wave(mixture: Mixture, b: f64, scheme: SchemeName, count: usize) -> Result<Course> {
+    let creep = 1e-16;
+    let set = fluid().flow("bottom", FlowCondition::Slip).flow("top", FlowCondition::Slip);
+    let mesh = grid([1.0, 1.0 / count as f64], [count, 1])?;
+    let shape = |x: &Vec2| (std::f64::consts::PI * x.x).sin();
+    let back = -mixture.solid / mixture.voidage() * creep;
+    let mut start = set.rest(&mesh, 0.0);
+    for (u, x) in start.velocity.iter_mut().zip(&mesh.points) {
+        u.x = back * shape(x);
+    }
+    let mut dem = mixture.grains(&mesh, weightless(), false)?;
+    let weight: Vec<f64> = dem.particles.position.iter().map(shape).collect();
+    for (v, shape) in dem.particles.velocity.iter_mut().zip(&weight) {
+        v.x = creep * shape;
+    }
+    let mut system = set.with_grains(set.build(mesh, start)?, dem, set.laws(None), scheme)?;
+    if let Some(interaction) = system.interaction_mut() {
+        interaction.at.velocity = weight.iter().map(|shape| Vec2::new(back * shape, 0.0)).collect();
+    }
+    let mode = |system: &Coupled<2>| {
+        let velocity = system.grains().into_iter().flat_map(|grains| &grains.particles.velocity);
+        velocity.zip(&weight).map(|(v, s)| v.x * s).sum::<f64>()
+    };
+    let (dt, (p, q)) = (mixture.step(&set, b), mixture.recursion(scheme, b));
+    let first = mode(&system);
+    let mut course = Course { sizes: vec![1.0], missed: vec![], tally: Tally::default() };
+    let mut old: f64 = 1.0;
+    for step in 0..STEPS {
+        let report = system.step(dt)?;
+        course.tally.add(&report);
+        let (now, last) = (mode(&system) / first, course.sizes[step]);
+        let size = now.abs().max(last.abs()).max(old.abs());
+        course.missed.push((now - p * last - q * old) / size);
+        course.sizes.push(now);
+        old = last;
+        if ended(now) {
+            break;
+        }
+    }
+    Ok(course)
+}
+
+/// A mode that follows its theory is as stable as theory says; else its growth decides.
+fn judge(deviation: f64, growth: f64, root: f64, tally: Tally) -> Sample {
+    let verdict = match deviation <= ALLOWED {
+        true if root <= 1.0 + 1e-9 => Verdict::Passes,
+        true => Verdict::Unstable,
+        false if growth <= 1.0 => Verdict::Wrong,
+        false => Verdict::Unstable,
+    };
+    Sample::new(verdict, growth, root, tally)
+}
+
+/// The mixture turns like a rigid body in a round box, the fluid against the grains: no strain, no divergence, nothing but
+/// drag acts. The grains are free, or each rests on a wall with friction under its weight.
+fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Sample> {
+    let mut set = fluid();
+    let rim = Condition {
+        boundary: "rim".into(),
+        flow: FlowCondition::Slip,
+        scalars: vec![ScalarCondition::Insulated],
+    };
+    set.conditions = vec![rim];
+    let mesh = cake(24);
+    let dt = mixture.step(&set, b);
+    // Held grains: weight enough for the walls to hold them by friction, and drag linear at a Reynolds number of 1e-8. The
+    // contacts are solved to the last digit, since those that push by less than the tolerance are left alone.
+    let (creep, settings) = match held {
+        true => {
+            let creep = 1e-8 * VISCOSITY / (RHO_F * 2.0 * RADIUS);
+            let gravity = Vec2::new(0.0, -1e2 * creep * b / dt);
+            (creep, Settings { gravity, tolerance: 1e-26, ..Settings::default() })
+        }
+        false => (1e-16, weightless()),
+    };
+    let turning = |x: &Vec2| Vec2::new(-x.y, x.x) * creep;
+    let mut start = set.rest(&mesh, 0.0);
+    let mut dem = mixture.grains(&mesh, settings, held)?;
+    if held {
+        // The contacts know the weight before the fluid moves.
+        dem.step(dt, &Load::default());
+        start.velocity = mesh.points.iter().map(turning).collect();
+    } else {
+        dem.particles.velocity = dem.particles.position.iter().map(turning).collect();
+    }
+    let at: Vec<Vec2> = match held {
+        true => dem.particles.position.iter().map(turning).collect(),
+        false => vec![Vec2::zeros(); dem.particles.len()],
+    };
+    let mut system = set.with_grains(set.build(mesh, start)?, dem, set.laws(None), scheme)?;
+    if let Some(interaction) = system.interaction_mut() {
+        interaction.at.velocity = at;
+    }
+    let (p, q) = match held {
+        true => mixture.held_recursion(scheme, b),
+        false => (mixture.slip_factor(scheme, b), 0.0),
+    };
+    let mut last = relative_turn(&mut system, held)?;
+    // A recursion of two steps is compared from the second step on.
+    let (first, mut worst, mut tally, mut old) = (last, 0.0f64, Tally::default(), None);
+    while tally.steps < STEPS {
+        let report = system.step(dt)?;
+        tally.add(&report);
+        let now = relative_turn(&mut system, held)?;
+        if let Some(old) = old.or((q == 0.0).then_some(0.0)) {
+            let size = now.abs().max(last.abs()).max(f64::abs(old));
+            worst = worst.max((now - p * last - q * old).abs() / size);
+        }
+        old = Some(last);
+        last = now;
+        if ended(now / first) {
+            break;
+        }
+    }
+    let growth = (last / first).abs().powf(1.0 / tally.steps as f64);
+    Ok(judge(worst, growth, larger_root((p, q)), tally))
+}
+
+/// Angular velocity of the fluid at a node of the rim, relative to that of one grain unless they are held.
+fn relative_turn(system: &mut Coupled<2>, held: bool) -> Result<f64> {
+    let mut turn = 0.0;
+    if let Some(fluid) = system.fluid_mut() {
+        turn = fluid.accepted.velocity[1].y;
+    }
+    if let (Some(grains), false) = (system.grains(), held) {
+        let (x, v) = (grains.particles.position[10], grains.particles.velocity[10]);
+        turn -= (x.x * v.y - x.y * v.x) / x.norm_squared();
+    }
+    Ok(turn)
+}
+
+fn heat_factor(ratio: f64, scheme: SchemeName, b: f64) -> f64 {
+    match scheme {
+        SchemeName::Explicit => (1.0 - b) / (1.0 + b * ratio),
+        _ => 1.0 / (1.0 + b * ratio + b),
+    }
+}
+
+/// Grains at 70, fluid at 20 degrees in an insulated box. `ratio` is that of the capacities per volume of mixture.
+fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
+    let (capacity, conductivity, radius) = (3000.0, 0.5, 0.2);
+    let mut set = fluid();
+    let scalar = Scalar::new(TEMPERATURE, capacity, conductivity);
+    set.scalars = vec![Scalar { expansion: 0.0, reference: 0.0, ..scalar }];
+    let mesh = grid([4.0, 4.0], [4, 4])?;
+    let start = set.rest(&mesh, 20.0);
+    let phi = std::f64::consts::PI * radius * radius / mesh.measure(0);
+    let own = ratio * (1.0 - phi) * capacity / phi / 7.0;
+    let material = Material { density: 7.0, heat_capacity: own, ..Material::default() };
+    let dem = hot_grains(one_per_cell(&mesh), radius, material, weightless(), 70.0)?;
+    let thermal = ThermalFluid { conductivity, prandtl: 1000.0 * VISCOSITY / conductivity };
+    let around = Surroundings {
+        slip: 0.0,
+        voidage: 1.0 - phi,
+        diameter: 2.0 * radius,
+        density: RHO_F,
+        viscosity: VISCOSITY,
+    };
+    let transfer = HeatTransfer::RanzMarshall.coefficient(&around, &thermal, VoidageFunction::None);
+    let dt = b * 7.0 * own / transfer;
+    let laws = set.laws(Some(thermal));
+    let mut system = set.with_grains(set.build(mesh, start)?, dem, laws, scheme)?;
+    if let Some(interaction) = system.interaction_mut() {
+        interaction.at.temperature.fill(20.0);
+    }
+    let factor = heat_factor(ratio, scheme, b);
+    let (mut last, mut worst, mut tally) = (-50.0, 0.0f64, Tally::default());
+    while tally.steps < STEPS {
+        tally.add(&system.step(dt)?);
+        let now = temperature_difference(&mut system)?;
+        worst = worst.max((now - factor * last).abs() / f64::max(now.abs(), f64::abs(last)));
+        last = now;
+        if ended(now / 50.0) {
+            break;
+        }
+    }
+    let growth = (last / 50.0).abs().powf(1.0 / tally.steps as f64);
+    Ok(judge(worst, growth, factor.abs(), tally))
+}
+
+/// Of fluid and grains, K.
+fn temperature_difference(system: &mut Coupled<2>) -> Result<f64> {
+    let Some(fluid) = system.fluid() else { return Ok(f64::NAN) };
+    let gas = fluid.accepted.scalar(HEAT).get(5).copied().unwrap_or(f64::NAN);
+    let heat = system.grains().and_then(|grains| grains.particles.heat.as_ref());
+    Ok(gas - heat.map_or(f64::NAN, |heat| heat.temperature[3]))
+}
