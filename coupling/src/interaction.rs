@@ -44,6 +44,11 @@ pub struct Interaction<const D: usize> {
     pub force: Vec<Vector<D>>,
     /// Heat from the fluid to each grain, mean over the last step, W; empty without heat.
     pub heat: Vec<f64>,
+    /// Scalars of the fluid, by number, and the values below which contacts may stick; empty where nothing but the contacts
+    /// themselves decides.
+    pub sticks_below: Vec<(usize, f64)>,
+    /// Whether the contacts of each grain may stick in the step in hand; empty where all may.
+    pub cohesive: Vec<bool>,
     /// Relative residual to which the fluid solver solves its energy equation: temperatures are known to about this share.
     pub heat_tolerance: f64,
     /// What the fluid still has to give; absent with schemes that move the grains by the force of the law.
@@ -67,6 +72,8 @@ impl<const D: usize> Default for Interaction<D> {
             voidage: vec![],
             force: vec![],
             heat: vec![],
+            sticks_below: vec![],
+            cohesive: vec![],
             heat_tolerance: Numerics::default().scalars.tolerance,
             carried: None,
             departed: 0,

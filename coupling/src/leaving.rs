@@ -103,6 +103,7 @@ impl<const D: usize> crate::Interaction<D> {
         [&mut self.at.temperature, &mut self.voidage, &mut self.heat]
             .into_iter()
             .for_each(|column| retain(column, keep));
+        retain(&mut self.cohesive, keep);
         if let Some(carried) = &mut self.carried {
             [&mut carried.impulse, &mut carried.displacement]
                 .into_iter()

@@ -116,9 +116,27 @@ impl<const D: usize> Mixture<D> {
                 *coefficient = volume[i] * law;
             });
         }
+        if !self.interaction.sticks_below.is_empty() {
+            self.find_cohesive();
+        }
         report.phases.closure += start.elapsed().as_secs_f64();
         self.phase = Phase::Closed;
         Ok(())
+    }
+
+    /// Contacts of a grain stick where scalars of the fluid, as means over its pieces at the last accepted step, are below
+    /// their bounds (vapour in Henry et al., Eq. 18). Grains that have left the mesh may stick.
+    fn find_cohesive(&mut self) {
+        let Interaction { load, sticks_below, cohesive, .. } = &mut self.interaction;
+        let (pieces, mesh, scalars) = (&load.pieces, &self.fluid.mesh, &self.fluid.accepted.scalars);
+        let dry = |grain: usize| {
+            sticks_below.iter().all(|(scalar, bound)| pieces.mean(grain, mesh, &scalars[*scalar]) < *bound)
+        };
+        cohesive.clear();
+        cohesive.resize(pieces.grains(), true);
+        cohesive.par_iter_mut().enumerate().with_min_len(256).for_each(|(grain, sticks)| {
+            *sticks = pieces.of(grain).is_empty() || dry(grain);
+        });
     }
 
     /// One solution of the fluid from its last accepted state.
@@ -142,9 +160,9 @@ impl<const D: usize> Mixture<D> {
 
     /// Contacts and motion of the grains under the forces and heat of the fluid.
     pub fn move_grains(&mut self, dt: f64, report: &mut StepReport) {
-        let Interaction { force, heat, .. } = &self.interaction;
+        let Interaction { force, heat, cohesive, .. } = &self.interaction;
         let start = Instant::now();
-        let load = Load { force, heat, ..Load::default() };
+        let load = Load { force, heat, cohesive, ..Load::default() };
         moved(self.grains.step(dt, &load), start, report);
     }
 
@@ -156,15 +174,9 @@ impl<const D: usize> Mixture<D> {
     pub fn drive_grains(&mut self, dt: f64, forcing: &Forcing<D>, report: &mut StepReport) -> Result<()> {
         self.needs(Phase::Closed, "drive_grains", "evaluate_closures")?;
         let start = Instant::now();
-        let load = &self.interaction.load;
+        let Interaction { load, cohesive, .. } = &self.interaction;
         let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
-        let load = Load {
-            force: &forcing.force,
-            drag: &load.drag,
-            heat: &forcing.heat,
-            transfer,
-            ..Load::default()
-        };
+        let load = Load { force: &forcing.force, drag: &load.drag, heat: &forcing.heat, transfer, cohesive };
         moved(self.grains.step(dt, &load), start, report);
         Ok(())
     }

@@ -310,7 +310,7 @@ impl<const D: usize> Dem<D> {
                 rotation.angle[i] += rotation.spin[i] * h;
             }
         }
-        for r in search.records(&problem, false) {
+        for r in search.records(&problem, 0.0) {
             self.contact_force[r.i as usize] -= r.impulse;
             if r.j & WALL == 0 {
                 self.contact_force[r.j as usize] += r.impulse;
@@ -318,7 +318,7 @@ impl<const D: usize> Dem<D> {
                 self.wall_force[(r.j & !WALL) as usize] += r.impulse;
             }
         }
-        self.memory.store(n, h, self.settings.cohesion.is_some(), || search.records(&problem, last));
+        self.memory.store(n, h, self.settings.cohesion.is_some(), || search.records(&problem, h));
         if last {
             report.candidates = problem.contacts.len();
             report.contacts = problem.contacts.iter().filter(|c| c.acts()).count();
@@ -436,7 +436,7 @@ impl<const D: usize> Dem<D> {
                     Partner::Wall(wall) => WALL + wall,
                 },
                 impulse: f.force,
-                age: 0,
+                age: 0.0,
             })
         };
         self.memory.store(self.particles.len(), 1.0, self.settings.cohesion.is_some(), records);

@@ -15,8 +15,8 @@ pub(crate) struct Memory<const D: usize> {
     partner: Vec<u32>,
     /// On the partner, N s.
     impulse: Vec<Vector<D>>,
-    /// Steps that a contact has lasted; empty without cohesion.
-    age: Vec<u16>,
+    /// Time that a contact has lasted, s; empty without cohesion.
+    age: Vec<f64>,
 }
 
 /// One contact by its identity.
@@ -28,7 +28,7 @@ pub(crate) struct Record<const D: usize> {
     pub j: u32,
     /// On the second, N s.
     pub impulse: Vector<D>,
-    pub age: u16,
+    pub age: f64,
 }
 
 impl<const D: usize> Record<D> {
@@ -44,19 +44,19 @@ impl<const D: usize> Record<D> {
 
 impl<const D: usize> Memory<D> {
     /// Impulse on the second grain and age of a contact; zero if it is new.
-    pub fn find(&self, i: u32, j: u32) -> (Vector<D>, u16) {
+    pub fn find(&self, i: u32, j: u32) -> (Vector<D>, f64) {
         let (owner, partner, sign) = if i < j { (i, j, 1.0) } else { (j, i, -1.0) };
         let Some(&[first, end]) =
             self.starts.get(owner as usize..owner as usize + 2).and_then(|s| s.first_chunk())
         else {
-            return (Vector::zeros(), 0);
+            return (Vector::zeros(), 0.0);
         };
         for k in first as usize..end as usize {
             if self.partner[k] == partner {
-                return (self.impulse[k] * sign, self.age.get(k).copied().unwrap_or(0));
+                return (self.impulse[k] * sign, self.age.get(k).copied().unwrap_or(0.0));
             }
         }
-        (Vector::zeros(), 0)
+        (Vector::zeros(), 0.0)
     }
 
     /// Keeps the contacts between grains that are marked, by their new numbers.
@@ -76,7 +76,7 @@ impl<const D: usize> Memory<D> {
                 let partner = self.partner[k];
                 let other = if partner & WALL != 0 { Some(partner) } else { number[partner as usize] };
                 if let (Some(i), Some(j)) = (number[owner], other) {
-                    let age = self.age.get(k).copied().unwrap_or(0);
+                    let age = self.age.get(k).copied().unwrap_or(0.0);
                     records.push(Record { i, j, impulse: self.impulse[k], age });
                 }
             }
@@ -107,7 +107,7 @@ impl<const D: usize> Memory<D> {
         crate::reserve(&mut self.impulse, count);
         self.partner.resize(count, 0);
         self.impulse.resize(count, Vector::zeros());
-        self.age.resize(if aged { count } else { 0 }, 0);
+        self.age.resize(if aged { count } else { 0 }, 0.0);
         for r in records() {
             let r = r.sorted();
             let s = &mut self.starts[r.i as usize];
@@ -130,38 +130,38 @@ mod tests {
     fn contacts_of_grains_that_leave_are_forgotten_and_the_others_keep_theirs() {
         let p = Vector::<2>::new(1.0, 2.0);
         let records = [
-            Record { i: 0, j: 1, impulse: p, age: 4 },
-            Record { i: 1, j: 3, impulse: p * 2.0, age: 5 },
-            Record { i: 3, j: WALL + 1, impulse: p * 3.0, age: 6 },
-            Record { i: 2, j: 3, impulse: p * 4.0, age: 7 },
+            Record { i: 0, j: 1, impulse: p, age: 4.0 },
+            Record { i: 1, j: 3, impulse: p * 2.0, age: 5.0 },
+            Record { i: 3, j: WALL + 1, impulse: p * 3.0, age: 6.0 },
+            Record { i: 2, j: 3, impulse: p * 4.0, age: 7.0 },
         ];
         let mut memory = Memory::default();
         memory.store(4, 0.5, true, || records.into_iter());
         memory.retain(&[false, true, true, true]);
         assert_eq!(memory.h, 0.5);
-        assert_eq!(memory.find(0, 2), (p * 2.0, 5));
-        assert_eq!(memory.find(2, WALL + 1), (p * 3.0, 6));
-        assert_eq!(memory.find(2, 1), (-p * 4.0, 7));
-        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0));
+        assert_eq!(memory.find(0, 2), (p * 2.0, 5.0));
+        assert_eq!(memory.find(2, WALL + 1), (p * 3.0, 6.0));
+        assert_eq!(memory.find(2, 1), (-p * 4.0, 7.0));
+        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0.0));
         memory.retain(&[true, true, false]);
-        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0));
+        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0.0));
     }
 
     #[test]
     fn contacts_are_found_from_either_side() {
         let p = Vector::<2>::new(1.0, 2.0);
         let records = [
-            Record { i: 3, j: 1, impulse: p, age: 4 },
-            Record { i: 1, j: WALL + 7, impulse: p * 2.0, age: 0 },
-            Record { i: 0, j: 1, impulse: p * 3.0, age: 1 },
+            Record { i: 3, j: 1, impulse: p, age: 4.0 },
+            Record { i: 1, j: WALL + 7, impulse: p * 2.0, age: 0.0 },
+            Record { i: 0, j: 1, impulse: p * 3.0, age: 1.0 },
         ];
         let mut memory = Memory::default();
         memory.store(5, 1.0, true, || records.into_iter());
-        assert_eq!(memory.find(3, 1), (p, 4));
-        assert_eq!(memory.find(1, 3), (-p, 4));
-        assert_eq!(memory.find(1, WALL + 7), (p * 2.0, 0));
-        assert_eq!(memory.find(0, 1), (p * 3.0, 1));
-        assert_eq!(memory.find(2, 4), (Vector::zeros(), 0));
-        assert_eq!(memory.find(9, 14), (Vector::zeros(), 0));
+        assert_eq!(memory.find(3, 1), (p, 4.0));
+        assert_eq!(memory.find(1, 3), (-p, 4.0));
+        assert_eq!(memory.find(1, WALL + 7), (p * 2.0, 0.0));
+        assert_eq!(memory.find(0, 1), (p * 3.0, 1.0));
+        assert_eq!(memory.find(2, 4), (Vector::zeros(), 0.0));
+        assert_eq!(memory.find(9, 14), (Vector::zeros(), 0.0));
     }
 }

@@ -24,8 +24,8 @@ pub(crate) struct Search<const D: usize> {
     pairs: Vec<[u32; 2]>,
     /// Contacts with walls, in the order of the bodies behind the grains.
     pub touches: Vec<Touch>,
-    /// Age of each contact; empty without cohesion.
-    pub ages: Vec<u16>,
+    /// Age of each contact, s; empty without cohesion.
+    pub ages: Vec<f64>,
     /// Walls near each zone: `wall_of[wall_starts[c] .. wall_starts[c + 1]]`.
     wall_starts: Vec<u32>,
     wall_of: Vec<u32>,
@@ -266,7 +266,7 @@ impl<const D: usize> Search<D> {
         problem.contacts.resize_with(count, Contact::default);
         let glued = if scene.settings.cohesion.is_some() { count } else { 0 };
         problem.cohesion.resize(glued, 0.0);
-        self.ages.resize(glued, 0);
+        self.ages.resize(glued, 0.0);
         let (order, touches) = (&self.grid.order, &self.touches);
         let filler = Filler { scene, memory, bodies: &problem.bodies, order, touches, from_rest };
         let slices = (&mut problem.contacts[..], &mut problem.cohesion[..], &mut self.ages[..]);
@@ -330,16 +330,16 @@ impl<const D: usize> Search<D> {
         acting.map(move |c| (self.grid.order[c.i as usize], self.partner(c), c.normal, c.impulse / h))
     }
 
-    /// The contacts of the problem by identity; `aging` adds one to the age of those that touch.
+    /// The contacts of the problem by identity; those that touch are `older` (s) than at the start of the sub-step.
     pub fn records<'a>(
         &'a self,
         problem: &'a Problem<D>,
-        aging: bool,
+        older: f64,
     ) -> impl Iterator<Item = Record<D>> + 'a {
         problem.contacts.iter().enumerate().filter_map(move |(k, c)| {
             let (i, j) = (self.grid.order[c.i as usize], self.partner(c));
-            let age = self.ages.get(k).map_or(0, |a| a.saturating_add(aging as u16));
-            (c.acts() || age > 0).then_some(Record { i, j, impulse: c.impulse, age })
+            let age = self.ages.get(k).map_or(0.0, |a| a + older);
+            (c.acts() || age > 0.0).then_some(Record { i, j, impulse: c.impulse, age })
         })
     }
 }
@@ -356,7 +356,7 @@ struct Filler<'a, const D: usize> {
 }
 
 /// Contacts, their cohesion and their ages; the last two are empty without cohesion.
-type Slices<'a, const D: usize> = (&'a mut [Contact<D>], &'a mut [f64], &'a mut [u16]);
+type Slices<'a, const D: usize> = (&'a mut [Contact<D>], &'a mut [f64], &'a mut [f64]);
 
 impl<const D: usize> Filler<'_, D> {
     /// The contacts of these pairs, the first of which has a number, part by part.
@@ -389,7 +389,7 @@ impl<const D: usize> Filler<'_, D> {
         &self,
         [a, b]: [u32; 2],
         contact: &mut Contact<D>,
-        glue: Option<(&mut f64, &mut u16)>,
+        glue: Option<(&mut f64, &mut f64)>,
     ) -> Option<f64> {
         let (scene, radius) = (self.scene, &self.scene.particles.radius);
         let i = self.order[a as usize];
@@ -409,8 +409,8 @@ impl<const D: usize> Filler<'_, D> {
         let ratio = if self.memory.h > 0.0 { scene.h / self.memory.h } else { 0.0 };
         contact.impulse = if self.from_rest { cold_start(scene, i, j, contact) } else { impulse * ratio };
         if let (Some((cohesion, kept)), Some(law)) = (glue, &scene.settings.cohesion) {
-            let age = if gap <= SKIN * 0.1 * radius[i as usize] { age } else { 0 };
-            let glued = j & WALL == 0 && age >= law.steps && scene.sticky(i) && scene.sticky(j);
+            let age = if gap <= SKIN * 0.1 * radius[i as usize] { age } else { 0.0 };
+            let glued = j & WALL == 0 && age > 0.0 && age >= law.age && scene.sticky(i) && scene.sticky(j);
             (*cohesion, *kept) = (if glued { law.force * scene.h } else { 0.0 }, age);
         }
         (gap < -LEFT * smaller).then_some(gap / smaller)

@@ -13,13 +13,10 @@ use serde::{Deserialize, Serialize};
 pub struct Cohesion {
     /// Adhesive force F_c0 of a contact, N (N/m, per metre of depth, in the plane).
     pub force: f64,
-    /// Steps that a contact must have lasted before it sticks. Default 2.
-    #[serde(default = "two_steps")]
-    pub steps: u16,
-}
-
-fn two_steps() -> u16 {
-    2
+    /// Time that a contact must have lasted before it sticks, s. Default 0: it sticks from the sub-step after that in which it
+    /// formed.
+    #[serde(default)]
+    pub age: f64,
 }
 
 /// How to improve on plain Gauss-Seidel sweeps.
@@ -96,6 +93,9 @@ impl<const D: usize> Settings<D> {
         if let Some(c) = &self.cohesion {
             check(c.force >= 0.0 && c.force.is_finite(), c.force, "it must be 0 or more", || {
                 "cohesion, force".into()
+            })?;
+            check(c.age >= 0.0 && c.age.is_finite(), c.age, "it must be 0 or more", || {
+                "cohesion, age".into()
             })?;
         }
         Ok(())

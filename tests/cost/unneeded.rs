@@ -184,7 +184,7 @@ const PARTS: &[Part] = &[
     },
     Part {
         name: "cohesion",
-        on: |scene| contacts(scene).cohesion = Some(Cohesion { force: 1e-6, steps: 2 }),
+        on: |scene| contacts(scene).cohesion = Some(Cohesion { force: 1e-6, age: 0.0 }),
         adds: NOTHING,
     },
     Part {

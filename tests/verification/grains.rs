@@ -220,7 +220,7 @@ fn spheres_conserve_momentum() {
 }
 
 /// Adhesion F_c0: a grain hangs under a held one while its pull stays below F_c0, falls when it exceeds it, and
-/// needs the steps asked for before it sticks. Independent of dt.
+/// needs the time asked for before it sticks. Independent of dt.
 #[test]
 fn cohesion_holds_up_to_its_force() {
     let material = rubbing(0.3);
@@ -228,7 +228,7 @@ fn cohesion_holds_up_to_its_force() {
     let hangs = |force: f64, dt: f64, sticky: bool| {
         let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material);
         grains.mass[0] *= 1e9; // held by its inertia
-        let cohesion = Some(voidage_dem::Cohesion { force, steps: 3 });
+        let cohesion = Some(voidage_dem::Cohesion { force, age: 2.5 * dt });
         let settings = Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, ..Settings::default() };
         let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
         let mut load = Load::default();

@@ -83,7 +83,10 @@ fn interaction(
         },
     };
     let interaction = Interaction::new(laws, &fluid.mesh, grains, at)?;
-    Ok(Interaction { heat_tolerance: described.solver.tolerance, ..interaction })
+    let number = |name: &String| fluid.scalars.iter().position(|scalar| scalar == name);
+    let sticks_below =
+        coupling.cohesion_below.iter().filter_map(|(name, bound)| Some((number(name)?, *bound))).collect();
+    Ok(Interaction { heat_tolerance: described.solver.tolerance, sticks_below, ..interaction })
 }
 
 fn initial_velocity(fluid: &scene::Fluid) -> Vector<2> {

@@ -287,6 +287,10 @@ pub struct Coupling {
     /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatTransfer>,
+    /// Values of scalars of the fluid, by name, below which contacts stick (`contacts.cohesion`): `{vapour = 0.9}`. What counts is the
+    /// mean over a grain at the start of the step, and a contact sticks if both its grains may. Default: none, contacts stick everywhere.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub cohesion_below: BTreeMap<String, f64>,
 }
 
 impl Default for Coupling {
@@ -298,6 +302,7 @@ impl Default for Coupling {
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,
             heat: None,
+            cohesion_below: BTreeMap::new(),
         }
     }
 }

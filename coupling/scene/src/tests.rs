@@ -106,3 +106,60 @@ fn steps_forgive_rounding() {
         assert_eq!(Time { step, end }.steps(), steps);
     }
 }
+
+/// A disc that hangs from a held one by 1.001 times its weight, in air with a tracer.
+const HANGING: &str = r#"
+gravity = [0.0, -9.81]
+time = { step = 1e-3, end = 1.0 }
+materials.glass = { density = 2500.0 }
+contacts.cohesion = { force = 0.07712, age = 5e-4 }
+coupling.cohesion_below = { vapour = 0.9 }
+[[grains]]
+material = "glass"
+radius = 1e-3
+fixed = true
+placement = { lattice = { lower = [0.004, 0.006], upper = [0.006, 0.008] } }
+[[grains]]
+material = "glass"
+radius = 1e-3
+velocity = [0.0, 1e-2]
+placement = { lattice = { lower = [0.004, 0.004], upper = [0.006, 0.006] } }
+[fluid]
+density = 1.2
+viscosity = 1.8e-5
+mesh.rectangle = { lower = [0, 0], upper = [0.01, 0.01], size = 2e-3, sides = { left = "walls", right = "walls", bottom = "walls", top = "top" } }
+scalars = [{ name = "vapour", diffusivity = 2e-5, initial = 0.89 }]
+boundaries = [{ name = "walls", flow = "slip" }, { name = "top", flow = "open", scalars = { vapour = "outflow" } }]
+"#;
+
+#[test]
+fn contacts_stick_below_the_bound_of_a_scalar_only() {
+    let fallen = |sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+        let scene = Scene::parse(Path::new("hanging.toml"), HANGING, &sets).unwrap();
+        let mut simulation = Simulation::new(&scene).unwrap();
+        for _ in 0..20 {
+            simulation.step().unwrap();
+        }
+        0.005 - simulation.view().grains.expect("two grains").position[1].y
+    };
+    // Half of the fall of 17 free steps.
+    let far = 0.5 * 9.81 * 0.017_f64.powi(2) / 2.0;
+    assert!(fallen(&[]) < 1e-6);
+    assert!(fallen(&["fluid.scalars[0].initial=0.91"]) > far);
+    assert!(fallen(&["contacts.cohesion.force=0.0765"]) > 1e-3 * far, "its weight is 0.0770 N/m");
+    assert!(fallen(&["contacts.cohesion.age=1.0"]) > far, "it is too young");
+    assert!(fallen(&["fluid.scalars[0].initial=0.91", "coupling.cohesion_below.vapour=0.92"]) < 1e-6);
+}
+
+#[test]
+fn bounds_of_cohesion_name_a_scalar_and_need_cohesion() {
+    let error = |from: &str, to: &str| {
+        let text = HANGING.replace(from, to);
+        Scene::parse(Path::new("hanging.toml"), &text, &[]).unwrap_err().to_string()
+    };
+    let said = error("{ vapour = 0.9 }", "{ steam = 0.9 }");
+    assert!(said.contains("coupling.cohesion_below.steam") && said.contains("there are: vapour"), "{said}");
+    let said = error("contacts.cohesion = { force = 0.07712, age = 5e-4 }", "");
+    assert!(said.contains("no contact sticks"), "{said}");
+}

@@ -43,7 +43,7 @@ impl<const D: usize> Dem<D> {
                 self.after[known + i as usize] = problem.bodies.velocity(slot);
             }
             self.memory.store(self.particles.len(), h, self.settings.cohesion.is_some(), || {
-                search.records(&problem, false)
+                search.records(&problem, 0.0)
             });
         }
         report.substeps += 1;

@@ -198,7 +198,10 @@ fn check_contacts(scene: &Scene) -> Checked {
         );
     }
     match &contacts.cohesion {
-        Some(cohesion) => not_negative(scene, "contacts.cohesion.force", cohesion.force),
+        Some(cohesion) => {
+            not_negative(scene, "contacts.cohesion.force", cohesion.force)?;
+            not_negative(scene, "contacts.cohesion.age", cohesion.age)
+        }
         None => Ok(()),
     }
 }

@@ -4,6 +4,7 @@ mod fluid;
 mod grains;
 
 use super::{Coordinates, Scene, SceneError};
+use voidage_coupling::TEMPERATURE;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::relaxation::Relaxation;
 
@@ -82,6 +83,7 @@ pub(super) fn values(scene: &Scene) -> Checked {
         coupling.cut.map_or(Ok(()), |cut| positive(scene, "coupling.cut.travel", cut.travel))?;
     }
     grains::check(scene)?;
+    cohesion_below(scene)?;
     if scene.coupling.as_ref().is_some_and(|coupling| coupling.heat.is_some()) {
         let sides = [("grains", scene.grains_have_heat()), ("fluid", scene.fluid_has_heat())];
         if let Some((side, _)) = sides.iter().find(|(_, heat)| !heat) {
@@ -91,6 +93,22 @@ pub(super) fn values(scene: &Scene) -> Checked {
         }
     }
     output(scene)
+}
+
+/// Bounds of cohesion belong to scalars that are there, and to contacts that stick.
+fn cohesion_below(scene: &Scene) -> Checked {
+    let (Some(coupling), Some(fluid)) = (&scene.coupling, &scene.fluid) else { return Ok(()) };
+    let mut names: Vec<&str> = fluid.scalars.iter().map(|scalar| scalar.name.as_str()).collect();
+    names.extend(fluid.heat.as_ref().map(|_| TEMPERATURE));
+    for name in coupling.cohesion_below.keys() {
+        let path = format!("coupling.cohesion_below.{name}");
+        known(scene, &path, name, &names, "scalar of the fluid")?;
+        if scene.contacts.as_ref().is_none_or(|contacts| contacts.cohesion.is_none()) {
+            let message = "`coupling.cohesion_below` is there, but no contact sticks";
+            return fail(scene, &path, message, "add `contacts.cohesion = { force = .. }`, or take it away");
+        }
+    }
+    Ok(())
 }
 
 fn time(scene: &Scene) -> Checked {
