@@ -4,12 +4,12 @@ use crate::StepReport;
 use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
 use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
-use crate::motion::Oscillation;
+use crate::motion::MeshMover;
 use crate::remesh::Remesher;
 use std::borrow::Cow;
-use voidage_fluid::Mesh;
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::State;
+use voidage_fluid::{Mesh, MeshMotion};
 
 /// Time and number of steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,8 +38,8 @@ pub struct Fluid<const D: usize> {
     pub ramp: f64,
     /// Integral of each shape function, m3 (m2 in the plane).
     pub nodal_volume: Vec<f64>,
-    /// How the mesh moves; absent if it stands still.
-    pub motion: Option<Oscillation<D>>,
+    /// What moves the mesh; absent if it stands still.
+    pub motion: Option<Box<dyn MeshMover<D>>>,
     /// When the domain is remeshed; absent if it never is.
     pub remesher: Option<Remesher<D>>,
     /// Time and steps of the accepted fields.
@@ -112,7 +112,9 @@ impl<const D: usize> Fluid<D> {
         report: &mut StepReport,
     ) -> Result<()> {
         let conditions = ramped(&self.conditions, self.ramp, self.clock.time + dt);
-        let motion = self.motion.as_ref().map(|motion| motion.of_step(&self.mesh.points));
+        let motion = self.motion.as_ref();
+        let motion =
+            motion.map(|motion| MeshMotion { points: &self.mesh.points, velocity: motion.velocity() });
         let Clock { time, steps } = self.clock;
         let step = FluidStep { number: steps + 1, time, dt, immersed, conditions: &conditions, motion };
         self.moved |= step.motion.is_some();

@@ -1,16 +1,40 @@
-//! Meshes that move by a law of time.
+//! Meshes that move: the trait of what moves them, and a law of time that does.
 
 use crate::{Coupled, Fluid, Mixture, System};
-use serde::{Deserialize, Serialize};
 use voidage_fluid::harmonic::harmonic;
 use voidage_fluid::mesh::Remeshed;
-use voidage_fluid::{Error, Mesh, MeshMotion, Result, Vector};
+use voidage_fluid::{Error, Mesh, Result, Vector};
+
+/// What moves the nodes of a mesh. Cells keep their nodes; where they come too far out of shape, a
+/// [`Remesher`](crate::remesh::Remesher) makes others between the nodes of the boundary, which stay.
+///
+/// A step begins with [`Self::advance`]: equations are solved on the nodes where they then are, with the velocity that brought them
+/// there, so that a fluid at rest stays at rest to rounding (the geometric conservation law).
+pub trait MeshMover<const D: usize>: Send {
+    /// Puts the nodes where they are at a time, s: at a restart.
+    fn place(&self, time: f64, points: &mut [Vector<D>]);
+
+    /// Moves the nodes by a step of `dt` from `time` (s).
+    fn advance(&mut self, time: f64, dt: f64, points: &mut [Vector<D>]);
+
+    /// Mean velocity of the nodes over the step in hand, m/s.
+    fn velocity(&self) -> &[Vector<D>];
+
+    /// Goes on with a mesh that is new at a time, s.
+    fn remeshed(&mut self, remeshed: &Remeshed<D>, time: f64);
+
+    /// What [`Self::restore`] needs to go on after a remeshing as if the run had not stopped, bit for bit.
+    fn state(&self) -> Vec<f64>;
+
+    /// Takes back a [`Self::state`].
+    fn restore(&mut self, state: &[f64]);
+}
 
 /// A mesh that oscillates: x(t) = x(0) + weight amplitude sin(2 pi frequency t), with a weight of each node between 0 and 1.
 ///
 /// The weight is 1 on the part of the boundary that oscillates, 0 on the others, and harmonic between. Without such a part
 /// only the inside of the mesh oscillates: then the weight solves -lap b = 1, scaled to a largest value of 1.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug)]
 pub struct Oscillation<const D: usize> {
     /// Places at the time of `origin`.
     rest: Vec<Vector<D>>,
@@ -25,7 +49,7 @@ pub struct Oscillation<const D: usize> {
 }
 
 impl Oscillation<2> {
-    /// A oscillation of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that moves.
+    /// An oscillation of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that moves.
     ///
     /// # Errors
     /// There is no such part.
@@ -55,7 +79,7 @@ impl Oscillation<2> {
     pub fn check(&self, mesh: &Mesh<2>) -> Result<()> {
         let mut moved = mesh.clone();
         let mut measures = [-1.0, 0.0, 1.0].map(|sine| {
-            self.place(sine, &mut moved.points);
+            self.put(sine, &mut moved.points);
             (0..mesh.cell_count()).map(|cell| moved.measure(cell)).collect::<Vec<_>>()
         });
         let [low, rest, high] = &mut measures;
@@ -76,35 +100,47 @@ impl Oscillation<2> {
 }
 
 impl<const D: usize> Oscillation<D> {
-    fn place(&self, sine: f64, points: &mut [Vector<D>]) {
+    fn put(&self, sine: f64, points: &mut [Vector<D>]) {
         for ((point, rest), weight) in points.iter_mut().zip(&self.rest).zip(&self.weight) {
             *point = rest + self.amplitude * (weight * (sine - self.origin));
         }
     }
+}
 
-    /// Puts the nodes where they are at a time, s.
-    pub fn at(&self, time: f64, points: &mut [Vector<D>]) {
-        self.place((self.rate * time).sin(), points);
+impl<const D: usize> MeshMover<D> for Oscillation<D> {
+    fn place(&self, time: f64, points: &mut [Vector<D>]) {
+        self.put((self.rate * time).sin(), points);
     }
 
-    /// Moves the nodes by a step of `dt` from `time` (s).
-    pub fn advance(&mut self, time: f64, dt: f64, points: &mut [Vector<D>]) {
+    fn advance(&mut self, time: f64, dt: f64, points: &mut [Vector<D>]) {
         let (from, to) = ((self.rate * time).sin(), (self.rate * (time + dt)).sin());
-        self.place(to, points);
+        self.put(to, points);
         let mean = self.amplitude * ((to - from) / dt);
         self.velocity.clear();
         self.velocity.extend(self.weight.iter().map(|weight| mean * *weight));
     }
 
-    /// The same oscillation of a mesh that is new at a time, s.
-    pub(crate) fn remeshed(&self, remeshed: &Remeshed<D>, time: f64) -> Self {
-        let (rest, weight) = (remeshed.mesh.points.clone(), remeshed.carry(&self.weight));
-        Self { rest, weight, origin: (self.rate * time).sin(), velocity: Vec::new(), ..*self }
+    fn velocity(&self) -> &[Vector<D>] {
+        &self.velocity
     }
 
-    /// The motion of the step in hand, which has brought the nodes to `points`.
-    pub fn of_step<'a>(&'a self, points: &'a [Vector<D>]) -> MeshMotion<'a, D> {
-        MeshMotion { points, velocity: &self.velocity }
+    fn remeshed(&mut self, remeshed: &Remeshed<D>, time: f64) {
+        self.rest.clone_from(&remeshed.mesh.points);
+        self.weight = remeshed.carry(&self.weight);
+        self.origin = (self.rate * time).sin();
+    }
+
+    /// Origin, weights and places.
+    fn state(&self) -> Vec<f64> {
+        let places = self.rest.iter().flat_map(|x| x.iter());
+        std::iter::once(&self.origin).chain(&self.weight).chain(places).copied().collect()
+    }
+
+    fn restore(&mut self, state: &[f64]) {
+        let Some((origin, nodes)) = state.split_first() else { return };
+        let (weight, places) = nodes.split_at(nodes.len() / (D + 1));
+        (self.origin, self.weight) = (*origin, weight.to_vec());
+        self.rest = places.chunks_exact(D).map(Vector::from_column_slice).collect();
     }
 }
 
@@ -112,10 +148,10 @@ impl<const D: usize> Fluid<D> {
     /// Moves the nodes of a mesh that moves; what was computed of their places follows. Returns whether it moves.
     pub(crate) fn move_mesh(
         &mut self,
-        move_nodes: impl FnOnce(&mut Oscillation<D>, f64, &mut [Vector<D>]),
+        move_nodes: impl FnOnce(&mut dyn MeshMover<D>, f64, &mut [Vector<D>]),
     ) -> bool {
         let Some(motion) = &mut self.motion else { return false };
-        move_nodes(motion, self.clock.time, &mut self.mesh.points);
+        move_nodes(&mut **motion, self.clock.time, &mut self.mesh.points);
         self.nodal_volume = self.mesh.nodal_volume();
         self.moved = true;
         true
@@ -124,7 +160,10 @@ impl<const D: usize> Fluid<D> {
 
 impl<const D: usize> Mixture<D> {
     /// Moves the nodes of a mesh that moves, under the grains.
-    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Oscillation<D>, f64, &mut [Vector<D>])) {
+    pub(crate) fn move_mesh(
+        &mut self,
+        move_nodes: impl FnOnce(&mut dyn MeshMover<D>, f64, &mut [Vector<D>]),
+    ) {
         if self.fluid.move_mesh(move_nodes) {
             self.interaction.overlap.moved(&self.fluid.mesh);
         }
@@ -134,11 +173,14 @@ impl<const D: usize> Mixture<D> {
 impl<const D: usize> Coupled<D> {
     /// Puts a mesh that moves where it is now, after time was set.
     pub fn place_mesh(&mut self) {
-        self.move_mesh(|motion, time, points| motion.at(time, points));
+        self.move_mesh(|motion, time, points| motion.place(time, points));
     }
 
     /// Moves the nodes. Schemes find the mesh where it is at the end of the step.
-    pub(crate) fn move_mesh(&mut self, move_nodes: impl FnOnce(&mut Oscillation<D>, f64, &mut [Vector<D>])) {
+    pub(crate) fn move_mesh(
+        &mut self,
+        move_nodes: impl FnOnce(&mut dyn MeshMover<D>, f64, &mut [Vector<D>]),
+    ) {
         match &mut self.system {
             System::Grains(..) => {}
             System::Fluid(fluid) => drop(fluid.move_mesh(move_nodes)),
@@ -186,21 +228,24 @@ mod tests {
                 assert_eq!(moved.norm(), 0.0);
             }
         }
-        oscillation.at(0.0, &mut mesh.points);
+        oscillation.place(0.0, &mut mesh.points);
         assert_eq!(mesh.points, rest);
+        let mut other = Oscillation { rest: vec![], weight: vec![], origin: 1.0, ..oscillation.clone() };
+        other.restore(&oscillation.state());
+        assert_eq!((&other.rest, &other.weight, other.origin), (&rest, &oscillation.weight, 0.0));
     }
 
     #[test]
     fn the_inside_oscillates_alone_and_no_cell_may_turn_over() {
         let mesh = mesh();
         let amplitude = Vector::<2>::new(0.05, 0.02);
-        let oscillation = Oscillation::new(&mesh, amplitude, 1.0, None).expect("a oscillation");
+        let oscillation = Oscillation::new(&mesh, amplitude, 1.0, None).expect("an oscillation");
         oscillation.check(&mesh).expect("a gentle oscillation");
         assert_eq!(oscillation.weight.iter().copied().fold(0.0, f64::max), 1.0);
         assert!(
             mesh.boundaries.iter().flat_map(|p| &p.facets).all(|&n| oscillation.weight[n as usize] == 0.0)
         );
-        let far = Oscillation::new(&mesh, amplitude * 20.0, 1.0, None).expect("a oscillation");
+        let far = Oscillation::new(&mesh, amplitude * 20.0, 1.0, None).expect("an oscillation");
         let error = far.check(&mesh).expect_err("too far");
         assert!(error.to_string().contains("turns over"), "{error}");
         assert!(Oscillation::new(&mesh, amplitude, 1.0, Some("door")).is_err());

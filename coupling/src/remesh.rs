@@ -4,7 +4,6 @@
 //! The step that follows solves its equations on the new mesh, so that what flows in flows out as before. What interpolation
 //! loses of momentum and heat is of second order in the mesh.
 
-use crate::motion::Oscillation;
 use crate::overlap::Overlap;
 use crate::{Clock, Coupled, Fluid, Mixture, Result, StepReport};
 use schemars::JsonSchema;
@@ -53,7 +52,7 @@ struct Tools<const D: usize> {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RemeshState<const D: usize> {
     mesh: Mesh<D>,
-    motion: Option<Oscillation<D>>,
+    motion: Vec<f64>,
     spacing: Vec<f64>,
     last: u64,
 }
@@ -84,7 +83,9 @@ impl<const D: usize> Fluid<D> {
         };
         remesher.spacing = remeshed.carry(&remesher.spacing);
         remesher.last = steps;
-        self.motion = self.motion.as_ref().map(|motion| motion.remeshed(&remeshed, time));
+        if let Some(motion) = &mut self.motion {
+            motion.remeshed(&remeshed, time);
+        }
         self.set_mesh(remeshed.mesh, fields)?;
         Ok(true)
     }
@@ -92,14 +93,17 @@ impl<const D: usize> Fluid<D> {
     /// The mesh, if the domain has been remeshed.
     pub fn remesh_state(&self) -> Option<RemeshState<D>> {
         let Remesher { spacing, last, .. } = self.remesher.as_ref().filter(|remesher| remesher.last > 0)?;
-        let (mesh, motion) = (self.mesh.clone(), self.motion.clone());
-        Some(RemeshState { mesh, motion, spacing: spacing.clone(), last: *last })
+        let motion = self.motion.as_ref().map_or_else(Vec::new, |motion| motion.state());
+        Some(RemeshState { mesh: self.mesh.clone(), motion, spacing: spacing.clone(), last: *last })
     }
 
     fn take_remeshed(&mut self, state: RemeshState<D>) {
         if let Some(remesher) = &mut self.remesher {
             (remesher.spacing, remesher.last) = (state.spacing, state.last);
-            (self.mesh, self.motion, self.moved) = (state.mesh, state.motion, true);
+            (self.mesh, self.moved) = (state.mesh, true);
+            if let Some(motion) = &mut self.motion {
+                motion.restore(&state.motion);
+            }
         }
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use voidage_coupling::backend::{FluidBackend, FluidStep, Immersed, Model, RustFluid, Solution};
 use voidage_coupling::exchange::{OnMesh, Rigid};
 use voidage_coupling::load::GrainLoad;
-use voidage_coupling::motion::Oscillation;
+use voidage_coupling::motion::{MeshMover, Oscillation};
 use voidage_coupling::overlap::{self, Overlap};
 use voidage_coupling::remesh::{Remesh, Remesher};
 use voidage_coupling::scheme::SchemeName;
@@ -13,6 +13,7 @@ use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, HEAT, System, TEMPERATURE};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::State;
+use voidage_fluid::mesh::Remeshed;
 use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
 use voidage_fluid::points::Points;
 use voidage_fluid::transport::Scalar;
@@ -350,9 +351,9 @@ fn a_uniform_stream_stays_uniform_when_the_domain_is_remeshed() {
     let mesh = grid([1.0, 0.5], [10, 5]);
     let (set, start) = in_a_stream(&mesh);
     let mut fluid = set.build(mesh, start).expect("a valid fluid");
-    let oscillation = Oscillation::new(&fluid.mesh, Vec2::new(0.1, 0.05), 1.0, None).expect("a oscillation");
+    let oscillation = Oscillation::new(&fluid.mesh, Vec2::new(0.1, 0.05), 1.0, None).expect("an oscillation");
     fluid.remesher = Some(Remesher::new(&fluid.mesh, Remesh { every: 2, angle: 0.0 }));
-    fluid.motion = Some(oscillation);
+    fluid.motion = Some(Box::new(oscillation));
     let first = fluid.mesh.clone();
     let scheme = SchemeName::Henry.build(&Iteration::default(), None);
     let mut flow = Coupled::new(System::Fluid(Box::new(fluid)), scheme);
@@ -362,6 +363,56 @@ fn a_uniform_stream_stays_uniform_when_the_domain_is_remeshed() {
     }
     let fluid = flow.fluid_mut().expect("a fluid");
     assert_ne!(first.cells, fluid.mesh.cells);
+    assert_in_the_stream(&fluid.accepted);
+}
+
+/// A mover of one's own: nodes inside turn about the middle of the box, those of the boundary stand.
+struct Whirl {
+    rest: Vec<Vec2>,
+    velocity: Vec<Vec2>,
+}
+
+impl MeshMover<2> for Whirl {
+    fn place(&self, time: f64, points: &mut [Vec2]) {
+        for (point, rest) in points.iter_mut().zip(&self.rest) {
+            let bubble = 16.0 * rest.x * (1.0 - rest.x) * rest.y * (0.5 - rest.y) / 0.25;
+            let (arm, (sin, cos)) = (rest - Vec2::new(0.5, 0.25), (0.3 * time * bubble).sin_cos());
+            *point = rest + Vec2::new((cos - 1.0) * arm.x - sin * arm.y, (cos - 1.0) * arm.y + sin * arm.x);
+        }
+    }
+
+    fn advance(&mut self, time: f64, dt: f64, points: &mut [Vec2]) {
+        let before = points.to_vec();
+        self.place(time + dt, points);
+        self.velocity = points.iter().zip(&before).map(|(now, then)| (now - then) / dt).collect();
+    }
+
+    fn velocity(&self) -> &[Vec2] {
+        &self.velocity
+    }
+
+    fn remeshed(&mut self, _: &Remeshed<2>, _: f64) {}
+
+    fn state(&self) -> Vec<f64> {
+        vec![]
+    }
+
+    fn restore(&mut self, _: &[f64]) {}
+}
+
+#[test]
+fn a_uniform_stream_stays_uniform_on_a_mesh_moved_by_any_mover() {
+    let mesh = grid([1.0, 0.5], [10, 5]);
+    let (set, start) = in_a_stream(&mesh);
+    let mut fluid = set.build(mesh, start).expect("a valid fluid");
+    let rest = fluid.mesh.points.clone();
+    fluid.motion = Some(Box::new(Whirl { rest: rest.clone(), velocity: vec![] }));
+    let scheme = SchemeName::Henry.build(&Iteration::default(), None);
+    let mut flow = Coupled::new(System::Fluid(Box::new(fluid)), scheme);
+    (0..4).for_each(|_| drop(flow.step(0.1).expect("a step")));
+    let fluid = flow.fluid_mut().expect("a fluid");
+    let moved = fluid.mesh.points.iter().zip(&rest).map(|(now, then)| (now - then).norm());
+    assert!(moved.fold(0.0, f64::max) > 1e-2);
     assert_in_the_stream(&fluid.accepted);
 }
 

@@ -62,7 +62,7 @@ fn oscillation(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) 
         // The largest motion of a step is 2 A sin(pi f dt).
         let frequency = (0.5 * motion / AMPLITUDE).asin() / (std::f64::consts::PI * dt);
         let amplitude = Vec2::new(0.6, 0.8) * (AMPLITUDE * element);
-        fluid.motion = Some(Oscillation::new(&fluid.mesh, amplitude, frequency, None)?);
+        fluid.motion = Some(Box::new(Oscillation::new(&fluid.mesh, amplitude, frequency, None)?));
     }
     let mut remesher = match (system.fluid(), remesh) {
         (Some(fluid), Some(every)) => Some(Remesher::new(&fluid.mesh, Remesh { every, ..Remesh::default() })),

@@ -217,7 +217,7 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
     let mut fluid = Fluid::new(backend(scene, host)?, mesh, start, names, conditions(described))?;
     fluid.ramp = described.ramp;
     if let Some(motion) = &described.mesh_motion {
-        fluid.motion = Some(oscillation(scene, motion, &fluid.mesh)?);
+        fluid.motion = Some(Box::new(oscillation(scene, motion, &fluid.mesh)?));
         fluid.remesher = motion.remesh.map(|when| Remesher::new(&fluid.mesh, when));
     }
     Ok(fluid)
