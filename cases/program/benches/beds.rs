@@ -191,6 +191,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let row = std::iter::once(processor.as_str()).chain(line.split(','));
                 rows.push(row.map(Into::into).collect());
             }
+            let number = |row: &Vec<String>, column: usize| row[column].parse().unwrap_or(0_usize);
+            rows.sort_by_key(|row| (number(row, 2), number(row, 3)));
             write(&file, &rows)?;
         }
     }
