@@ -180,7 +180,7 @@ impl From<Box<SceneError>> for Error {
 
 /// The place of an error.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// In the file.
     File {
         /// Bytes of the text, for underlining.
@@ -202,7 +202,7 @@ pub struct SceneError {
     /// Its text.
     pub text: Arc<str>,
     /// Where.
-    pub place: Place,
+    pub location: Location,
     /// What is wrong, with the key and the value, and what is allowed.
     pub notice: Notice,
 }
@@ -211,9 +211,9 @@ impl std::error::Error for SceneError {}
 
 impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match &self.place {
-            Place::File { line, column, .. } => write!(f, "{}:{line}:{column}: ", self.file.display())?,
-            Place::Set(option) => write!(f, "{}: --set {option}: ", self.file.display())?,
+        match &self.location {
+            Location::File { line, column, .. } => write!(f, "{}:{line}:{column}: ", self.file.display())?,
+            Location::Set(option) => write!(f, "{}: --set {option}: ", self.file.display())?,
         }
         self.notice.fmt(f)
     }

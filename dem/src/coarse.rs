@@ -51,7 +51,7 @@ pub(crate) struct Coarse<const D: usize> {
     starts: Vec<u32>,
     of: Vec<u32>,
     /// The first holds the sum in the end.
-    parts: Vec<Part>,
+    chunks: Vec<Chunk>,
     band: Vec<f64>,
     /// Factors, node by node, and what each is scaled by while they are sought.
     theta: Vec<f64>,
@@ -76,7 +76,7 @@ pub(crate) fn kept<const D: usize>(p: &Kept<D>) -> Vector<D> {
 
 /// What a part of the grains and contacts adds to the matrix and the right-hand side.
 #[derive(Default)]
-struct Part {
+struct Chunk {
     /// Blocks with a row and a column for each column in use, node by node, for the node itself and the half of those
     /// around it with higher numbers.
     matrix: Vec<f64>,
@@ -88,7 +88,7 @@ const IDLE: usize = 100;
 
 /// Parts of large problems that are assembled at once; their number does not depend on that of threads, so that the
 /// sums do not.
-const PARTS: usize = 4;
+const CHUNKS: usize = 4;
 
 impl<const D: usize> Coarse<D> {
     /// Lays the nodes of another problem, whose contacts lie between two corners, and forgets the changes. The room for them, and for the impulses before a
@@ -193,7 +193,7 @@ impl<const D: usize> Coarse<D> {
 
     /// Contacts that press, by grain.
     fn list_contacts(&mut self, problem: &Problem<D>) {
-        let grains = problem.place.len();
+        let grains = problem.position.len();
         self.starts.clear();
         self.starts.resize(grains + 1, 0);
         let pressing = || {
@@ -227,33 +227,33 @@ impl<const D: usize> Coarse<D> {
 
     fn assemble<L: Law, const F: usize>(&mut self, problem: &Problem<D>) {
         let (nodes, blocks) = (self.nodes.count(), offsets(D) * F * F);
-        let mut parts = std::mem::take(&mut self.parts);
-        let count = if problem.contacts.len() > 2 * FORK { PARTS } else { 1 };
-        parts.resize_with(count, Part::default);
-        for part in &mut parts {
-            part.matrix.clear();
-            part.matrix.resize(nodes * blocks, 0.0);
-            part.known.clear();
-            part.known.resize(nodes * F, 0.0);
+        let mut chunks = std::mem::take(&mut self.chunks);
+        let count = if problem.contacts.len() > 2 * FORK { CHUNKS } else { 1 };
+        chunks.resize_with(count, Chunk::default);
+        for chunk in &mut chunks {
+            chunk.matrix.clear();
+            chunk.matrix.resize(nodes * blocks, 0.0);
+            chunk.known.clear();
+            chunk.known.resize(nodes * F, 0.0);
         }
-        parts.par_iter_mut().enumerate().for_each(|(k, part)| {
+        chunks.par_iter_mut().enumerate().for_each(|(k, chunk)| {
             let range = |all: usize| all * k / count..all * (k + 1) / count;
-            range(problem.contacts.len()).for_each(|k| self.know::<L, F>(problem, k, &mut part.known));
+            range(problem.contacts.len()).for_each(|k| self.know::<L, F>(problem, k, &mut chunk.known));
             let mut pushes = [[(Vector::zeros(), 0.0); F]; NEAR.pow(3)];
             let pushes = &mut pushes[..NEAR.pow(D as u32)];
-            for slot in range(problem.place.len()) {
+            for slot in range(problem.position.len()) {
                 if problem.bodies.mobility(slot) > 0.0 && self.starts[slot] < self.starts[slot + 1] {
                     let base = self.gather(problem, slot, pushes);
-                    self.add(problem, slot, &base, pushes, &mut part.matrix);
+                    self.add(problem, slot, &base, pushes, &mut chunk.matrix);
                 }
             }
         });
-        let (first, others) = parts.split_at_mut(1);
-        for part in others {
-            first[0].matrix.iter_mut().zip(&part.matrix).for_each(|(a, b)| *a += b);
-            first[0].known.iter_mut().zip(&part.known).for_each(|(a, b)| *a += b);
+        let (first, others) = chunks.split_at_mut(1);
+        for chunk in others {
+            first[0].matrix.iter_mut().zip(&chunk.matrix).for_each(|(a, b)| *a += b);
+            first[0].known.iter_mut().zip(&chunk.known).for_each(|(a, b)| *a += b);
         }
-        self.parts = parts;
+        self.chunks = chunks;
     }
 
     /// The right-hand side that a contact gives.
@@ -283,7 +283,7 @@ impl<const D: usize> Coarse<D> {
         pushes: &mut [[Push<D>; F]],
     ) -> [usize; D] {
         let columns = self.columns();
-        let base = self.nodes.cell(&problem.place[slot].add_scalar(-2.0 * problem.radius[slot]));
+        let base = self.nodes.cell(&problem.position[slot].add_scalar(-2.0 * problem.radius[slot]));
         pushes.fill([(Vector::zeros(), 0.0); F]);
         for &k in &self.of[self.starts[slot] as usize..self.starts[slot + 1] as usize] {
             let c = &problem.contacts[k as usize];
@@ -348,13 +348,13 @@ impl<const D: usize> Coarse<D> {
     #[inline(always)]
     fn entry(&self, node: usize, offset: usize, f: usize, g: usize) -> f64 {
         let room = self.room();
-        self.parts[0].matrix[((node * offsets(D) + offset) * room + f) * room + g]
+        self.chunks[0].matrix[((node * offsets(D) + offset) * room + f) * room + g]
     }
 
     /// Right-hand side of an unknown.
     fn known(&self, k: usize) -> f64 {
         let columns = self.columns();
-        self.parts[0].known[k / columns * self.room() + k % columns]
+        self.chunks[0].known[k / columns * self.room() + k % columns]
     }
 
     /// Factors of all nodes and columns. Returns whether there are any.

@@ -285,15 +285,15 @@ impl<const D: usize> Dem<D> {
         let mut problem = std::mem::take(&mut self.problem);
         let search = std::mem::take(&mut self.search);
         let scene = self.scene(h, load);
-        scene.set_free(&search.grid.order, &problem.bodies);
+        scene.set_free(&search.grid.grain_of, &problem.bodies);
         problem.apply_impulses();
         let (repair, outcome) = match repair::needed(&problem) {
-            true => repair::repair(&mut problem, &scene, &search.grid.order, &self.stopping(h, load)),
+            true => repair::repair(&mut problem, &scene, &search.grid.grain_of, &self.stopping(h, load)),
             false => Default::default(),
         };
         report.sweeps += outcome.sweeps;
         report.work += outcome.work;
-        for (slot, &i) in search.grid.order.iter().enumerate() {
+        for (slot, &i) in search.grid.grain_of.iter().enumerate() {
             let i = i as usize;
             let v = problem.bodies.velocity(slot);
             self.particles.velocity[i] = v;
@@ -409,12 +409,12 @@ impl<const D: usize> Dem<D> {
 
     /// Contacts of the last sub-step, also those that carry nothing; none after a restart until the next step.
     pub fn contacts(&self) -> impl Iterator<Item = Contact<D>> + '_ {
-        let n = self.search.grid.order.len();
+        let n = self.search.grid.grain_of.len();
         let h = self.memory.h;
         self.problem.contacts.iter().map(move |c| Contact {
-            grain: self.search.grid.order[c.i as usize],
+            grain: self.search.grid.grain_of[c.i as usize],
             partner: if (c.j as usize) < n {
-                Partner::Grain(self.search.grid.order[c.j as usize])
+                Partner::Grain(self.search.grid.grain_of[c.j as usize])
             } else {
                 Partner::Wall(self.search.touches[c.j as usize - n].wall)
             },

@@ -37,7 +37,7 @@ pub(crate) struct Grid<const D: usize> {
     /// First slot of each cell, and the end.
     starts: Vec<u32>,
     /// Slot -> grain.
-    pub order: Vec<u32>,
+    pub grain_of: Vec<u32>,
     /// Level whose cells tiles are made of, and cells along a tile.
     base: usize,
     tile: i64,
@@ -73,7 +73,7 @@ impl<const D: usize> Default for Grid<D> {
             dims: vec![],
             first: vec![],
             starts: vec![],
-            order: vec![],
+            grain_of: vec![],
             base: 0,
             tile: 3,
             tiles: vec![],
@@ -120,11 +120,11 @@ impl<const D: usize> Grid<D> {
             sum += *s;
             *s = sum;
         }
-        self.order.resize(n, 0);
+        self.grain_of.resize(n, 0);
         for i in (0..n).rev() {
             let s = &mut self.starts[self.cell_of[i] as usize];
             *s -= 1;
-            self.order[*s as usize] = i as u32;
+            self.grain_of[*s as usize] = i as u32;
         }
         self.base = self.choose_base();
         self.cut_tiles(n);
@@ -133,7 +133,7 @@ impl<const D: usize> Grid<D> {
 
     /// The first slot of a wide grain: the levels lie one behind the other.
     fn first_wide(&self) -> usize {
-        self.first.get(self.base + 1).map_or(self.order.len(), |cell| self.starts[*cell] as usize)
+        self.first.get(self.base + 1).map_or(self.grain_of.len(), |cell| self.starts[*cell] as usize)
     }
 
     /// Origin, width of cells and number of levels; at most about two cells per grain.
@@ -166,7 +166,7 @@ impl<const D: usize> Grid<D> {
         let mut wide = 0.0;
         for level in (most + 1..self.levels).rev() {
             wide += grains(level) * ((D - 1) as f64 * (level - most) as f64).exp2();
-            if wide > FEW * self.order.len() as f64 {
+            if wide > FEW * self.grain_of.len() as f64 {
                 return level;
             }
         }
@@ -281,7 +281,7 @@ impl<const D: usize> Grid<D> {
         });
         let first = self.zones() - self.wide.len();
         for (k, wide) in self.wide.iter().enumerate() {
-            if distance(&wide.place) <= radii * wide.radius + range {
+            if distance(&wide.position) <= radii * wide.radius + range {
                 f(first + k);
             }
         }
@@ -446,7 +446,7 @@ mod tests {
         for t in 0..grid.tiles.len() {
             grid.each_in_tile(t, |_, a, others| {
                 for b in others.into_iter().flatten() {
-                    let (i, j) = (grid.order[a] as usize, grid.order[b] as usize);
+                    let (i, j) = (grid.grain_of[a] as usize, grid.grain_of[b] as usize);
                     if close(i, j) {
                         found.push((i.min(j), i.max(j)));
                     }

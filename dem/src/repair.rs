@@ -31,7 +31,7 @@ pub(crate) fn needed<const D: usize>(problem: &Problem<D>) -> bool {
 pub(crate) fn repair<const D: usize>(
     problem: &mut Problem<D>,
     scene: &Scene<D>,
-    order: &[u32],
+    grain_of: &[u32],
     stopping: &Stopping,
 ) -> (Vec<Vector<D>>, Outcome) {
     let state = problem.bodies.state();
@@ -46,10 +46,10 @@ pub(crate) fn repair<const D: usize>(
         interior: false,
         ..*stopping
     };
-    let free = |bodies: &Bodies<D>| scene.set_free(order, bodies);
+    let free = |bodies: &Bodies<D>| scene.set_free(grain_of, bodies);
     let pushed = |bodies: &Bodies<D>| {
         let added = |slot: usize| (bodies.velocity(slot) - state[slot].0).norm_squared();
-        let moving = (0..order.len()).filter(|slot| bodies.mobility(*slot) > 0.0);
+        let moving = (0..grain_of.len()).filter(|slot| bodies.mobility(*slot) > 0.0);
         moving.map(|slot| 0.5 * added(slot) / bodies.mobility(slot)).sum()
     };
     let biases = problem.ask_overlaps_back(LEFT, scene.h);
@@ -58,7 +58,7 @@ pub(crate) fn repair<const D: usize>(
     // What is not solved may push grains deeper into others, or far away: then the overlaps stay.
     let helps = problem.deepest(scene.h) <= deepest.max(DEEP);
     let repair = match helps {
-        true => (0..order.len()).map(|slot| problem.bodies.velocity(slot) - state[slot].0).collect(),
+        true => (0..grain_of.len()).map(|slot| problem.bodies.velocity(slot) - state[slot].0).collect(),
         false => vec![],
     };
     problem.bodies.set_state(&state);

@@ -43,8 +43,8 @@ impl<const D: usize> Scene<'_, D> {
     }
 
     /// Sets free velocities and the spins of now, for grains in this order.
-    pub fn set_free(&self, order: &[u32], bodies: &Bodies<D>) {
-        for (slot, &i) in order.iter().enumerate() {
+    pub fn set_free(&self, grain_of: &[u32], bodies: &Bodies<D>) {
+        for (slot, &i) in grain_of.iter().enumerate() {
             bodies.set_velocity(slot, &self.free_velocity(i as usize));
             if let Some(rotation) = &self.particles.rotation {
                 bodies.set_surface(slot, rotation.spin[i as usize] * self.particles.radius[i as usize]);
@@ -53,14 +53,14 @@ impl<const D: usize> Scene<'_, D> {
     }
 
     /// Energy of the difference between the velocities of `bodies` and those without contacts, J.
-    pub fn pushed(&self, order: &[u32], bodies: &Bodies<D>) -> f64 {
-        energy(order, bodies, |i, v| (v - self.free_velocity(i)).norm_squared())
+    pub fn pushed(&self, grain_of: &[u32], bodies: &Bodies<D>) -> f64 {
+        energy(grain_of, bodies, |i, v| (v - self.free_velocity(i)).norm_squared())
     }
 
     /// Energy of the changes of the velocities since the start of the sub-step, J, each grain's no larger than that of what
     /// its contacts have changed: what falls freely has no part in the errors of contacts.
-    pub fn changed(&self, order: &[u32], bodies: &Bodies<D>) -> f64 {
-        energy(order, bodies, |i, v| {
+    pub fn changed(&self, grain_of: &[u32], bodies: &Bodies<D>) -> f64 {
+        energy(grain_of, bodies, |i, v| {
             let (before, free) = (self.particles.velocity[i], self.free_velocity(i));
             (v - before).norm_squared().min((v - free).norm_squared())
         })
@@ -161,13 +161,13 @@ impl<const D: usize> Scene<'_, D> {
 
 /// Energy of grains with these squares of speeds, by the number of a grain and its velocity in `bodies`, J.
 fn energy<const D: usize>(
-    order: &[u32],
+    grain_of: &[u32],
     bodies: &Bodies<D>,
     square: impl Fn(usize, Vector<D>) -> f64 + Sync,
 ) -> f64 {
-    parallel::sum(0..order.len(), &|slot| {
+    parallel::sum(0..grain_of.len(), &|slot| {
         let mobility = bodies.mobility(slot);
         let moves = mobility > 0.0;
-        if moves { 0.5 * square(order[slot] as usize, bodies.velocity(slot)) / mobility } else { 0.0 }
+        if moves { 0.5 * square(grain_of[slot] as usize, bodies.velocity(slot)) / mobility } else { 0.0 }
     })
 }

@@ -30,14 +30,14 @@ pub(crate) struct Search<const D: usize> {
     wall_starts: Vec<u32>,
     wall_of: Vec<u32>,
     wall_cells: Vec<(u32, u32)>,
-    /// Scratch: colours used by each slot (tiles of one colour share none), and what each part of the work finds.
+    /// Scratch: colours used by each slot (tiles of one colour share none), and what each chunk of the work finds.
     used: Vec<AtomicU32>,
-    parts: Vec<Part>,
+    chunks: Vec<Chunk>,
 }
 
-/// What is found at once with other parts.
+/// What is found at once with other chunks.
 #[derive(Default)]
-struct Part {
+struct Chunk {
     /// Pairs of its tiles, and the end of each tile.
     pairs: Vec<[u32; 2]>,
     ends: Vec<u32>,
@@ -49,7 +49,7 @@ struct Part {
 }
 
 /// Parts that are looked for at once where there are many grains; their number does not depend on that of threads.
-const PARTS: usize = 16;
+const CHUNKS: usize = 16;
 
 /// A wall near a grain, and whether the nearest point is one of its ends.
 #[derive(Clone, Copy)]
@@ -79,7 +79,7 @@ impl<const D: usize> Search<D> {
         let reach = (fastest * scene.h).max(0.1 * small);
         self.grid.build(&p.position, &p.radius, reach);
         self.fill_bodies(scene, &mut problem.bodies);
-        self.fill_places(scene, problem);
+        self.fill_positions(scene, problem);
         self.gather_velocities(scene, after, &problem.bodies);
         self.place_walls(scene);
         self.find_pairs(scene, problem);
@@ -91,11 +91,11 @@ impl<const D: usize> Search<D> {
         let p = scene.particles;
         bodies.clear();
         bodies.reserve(p.len(), p.rotation.is_some());
-        for &i in &self.grid.order {
+        for &i in &self.grid.grain_of {
             bodies.push(&scene.free_velocity(i as usize), scene.mobility(i as usize));
         }
         if let Some(rotation) = &p.rotation {
-            for &i in &self.grid.order {
+            for &i in &self.grid.grain_of {
                 let (r, i) = (p.radius[i as usize], i as usize);
                 bodies.push_spin(rotation.spin[i] * r, r * r / rotation.inertia[i]);
             }
@@ -103,19 +103,19 @@ impl<const D: usize> Search<D> {
     }
 
     /// Where the grains are, in the order of the bodies.
-    fn fill_places(&self, scene: &Scene<D>, problem: &mut Problem<D>) {
+    fn fill_positions(&self, scene: &Scene<D>, problem: &mut Problem<D>) {
         let p = scene.particles;
-        let order = || self.grid.order.iter().map(|&i| i as usize);
-        problem.place.clear();
-        problem.place.extend(order().map(|i| p.position[i]));
+        let grain_of = || self.grid.grain_of.iter().map(|&i| i as usize);
+        problem.position.clear();
+        problem.position.extend(grain_of().map(|i| p.position[i]));
         problem.radius.clear();
-        problem.radius.extend(order().map(|i| p.radius[i]));
+        problem.radius.extend(grain_of().map(|i| p.radius[i]));
     }
 
     fn gather_velocities(&mut self, scene: &Scene<D>, after: &[Vector<D>], bodies: &Bodies<D>) {
         let p = scene.particles;
         self.bounds.clear(self.grid.zones());
-        for (slot, &i) in self.grid.order.iter().enumerate() {
+        for (slot, &i) in self.grid.grain_of.iter().enumerate() {
             let i = i as usize;
             let zone = self.grid.zone_of(slot, &p.position[i]);
             self.bounds.add(zone, &p.velocity[i]);
@@ -168,62 +168,62 @@ impl<const D: usize> Search<D> {
         tiles.starts.push(0);
         self.used.resize_with(grains, Default::default);
         self.pairs.clear();
-        let mut parts = std::mem::take(&mut self.parts);
-        parts.resize_with(if grains > FORK { PARTS } else { 1 }, Part::default);
-        let count = parts.len();
+        let mut chunks = std::mem::take(&mut self.chunks);
+        chunks.resize_with(if grains > FORK { CHUNKS } else { 1 }, Chunk::default);
+        let count = chunks.len();
         for colour in self.grid.colours.windows(2) {
             let tiles_of = |k: usize| {
                 let cut = |k: usize| colour[0] + (colour[1] - colour[0]) * k / count;
                 cut(k)..cut(k + 1)
             };
-            let find = |k: usize, part: &mut Part| {
-                part.pairs.clear();
-                part.ends.clear();
-                tiles_of(k).for_each(|tile| self.find_in_tile(scene, tile, part));
+            let find = |k: usize, chunk: &mut Chunk| {
+                chunk.pairs.clear();
+                chunk.ends.clear();
+                tiles_of(k).for_each(|tile| self.find_in_tile(scene, tile, chunk));
             };
-            parallel::each(&mut parts, 0, &find);
-            for part in &parts {
+            parallel::each(&mut chunks, 0, &find);
+            for chunk in &chunks {
                 let first = self.pairs.len() as u32;
-                crate::reserve(&mut self.pairs, first as usize + part.pairs.len());
-                self.pairs.extend_from_slice(&part.pairs);
-                tiles.starts.extend(part.ends.iter().map(|end| first + end));
+                crate::reserve(&mut self.pairs, first as usize + chunk.pairs.len());
+                self.pairs.extend_from_slice(&chunk.pairs);
+                tiles.starts.extend(chunk.ends.iter().map(|end| first + end));
             }
         }
-        self.parts = parts;
+        self.chunks = chunks;
     }
 
-    fn find_in_tile(&self, scene: &Scene<D>, tile: usize, part: &mut Part) {
+    fn find_in_tile(&self, scene: &Scene<D>, tile: usize, chunk: &mut Chunk) {
         let (p, grid) = (scene.particles, &self.grid);
-        let first = part.pairs.len();
+        let first = chunk.pairs.len();
         grid.each_in_tile(tile, |zone, a, others| {
-            let i = grid.order[a] as usize;
+            let i = grid.grain_of[a] as usize;
             let range = self.bounds.speed(zone) * scene.h;
             if others.is_none() && !self.wall_starts.is_empty() && !p.held(i) {
                 let walls = self.wall_starts[zone] as usize..self.wall_starts[zone + 1] as usize;
-                near_walls(scene, i, &self.wall_of[walls], range, &mut part.near);
-                part.pairs.extend(part.near.iter().map(|n| [a as u32, WALL + n.wall]));
+                near_walls(scene, i, &self.wall_of[walls], range, &mut chunk.near);
+                chunk.pairs.extend(chunk.near.iter().map(|n| [a as u32, WALL + n.wall]));
             }
             for b in others.into_iter().flatten() {
-                let j = grid.order[b] as usize;
+                let j = grid.grain_of[b] as usize;
                 let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
                 let near = (p.position[j] - p.position[i]).norm_squared() < reach * reach;
                 if near && !(p.held(i) && p.held(j)) {
-                    part.pairs.push([a as u32, b as u32]);
+                    chunk.pairs.push([a as u32, b as u32]);
                 }
             }
         });
-        self.spread_out(first, part);
-        part.ends.push(part.pairs.len() as u32);
+        self.spread_out(first, chunk);
+        chunk.ends.push(chunk.pairs.len() as u32);
     }
 
     /// Orders the pairs of a tile by greedy colours, so that successive contacts rarely share a grain: the
     /// processor then works on several at once instead of waiting for the last one's velocities.
-    fn spread_out(&self, first: usize, part: &mut Part) {
+    fn spread_out(&self, first: usize, chunk: &mut Chunk) {
         let mut places = [0usize; 33];
-        let pairs = &mut part.pairs[first..];
-        part.colour.clear();
-        part.unsorted.clear();
-        part.unsorted.extend_from_slice(pairs);
+        let pairs = &mut chunk.pairs[first..];
+        chunk.colour.clear();
+        chunk.unsorted.clear();
+        chunk.unsorted.extend_from_slice(pairs);
         let slots =
             |pair: [u32; 2]| pair.into_iter().filter(|s| s & WALL == 0).map(|s| &self.used[s as usize]);
         for pair in pairs.iter() {
@@ -231,12 +231,12 @@ impl<const D: usize> Search<D> {
             let colour = (!taken).trailing_zeros().min(31);
             slots(*pair).for_each(|used| used.store(used.load(Relaxed) | 1 << colour, Relaxed));
             places[colour as usize + 1] += 1;
-            part.colour.push(colour as u8);
+            chunk.colour.push(colour as u8);
         }
         for k in 1..places.len() {
             places[k] += places[k - 1];
         }
-        for (pair, colour) in part.unsorted.iter().zip(&part.colour) {
+        for (pair, colour) in chunk.unsorted.iter().zip(&chunk.colour) {
             pairs[places[*colour as usize]] = *pair;
             places[*colour as usize] += 1;
             slots(*pair).for_each(|used| used.store(0, Relaxed));
@@ -246,11 +246,11 @@ impl<const D: usize> Search<D> {
     /// One immobile body for each contact with a wall; its pair then has the number of the touch.
     fn touch_walls(&mut self, scene: &Scene<D>, bodies: &mut Bodies<D>) {
         let walls = self.pairs.iter().filter(|p| p[1] & WALL != 0).count();
-        bodies.reserve(self.grid.order.len() + walls, bodies.spins());
+        bodies.reserve(self.grid.grain_of.len() + walls, bodies.spins());
         self.touches.clear();
         for [a, b] in self.pairs.iter_mut().filter(|pair| pair[1] & WALL != 0) {
             let touch = Touch { wall: *b & !WALL };
-            scene.push_wall(touch, self.grid.order[*a as usize] as usize, bodies);
+            scene.push_wall(touch, self.grid.grain_of[*a as usize] as usize, bodies);
             *b = WALL + self.touches.len() as u32;
             self.touches.push(touch);
         }
@@ -267,19 +267,19 @@ impl<const D: usize> Search<D> {
         let glued = if scene.settings.cohesion.is_some() { count } else { 0 };
         problem.cohesion.resize(glued, 0.0);
         self.ages.resize(glued, 0.0);
-        let (order, touches) = (&self.grid.order, &self.touches);
-        let filler = Filler { scene, memory, bodies: &problem.bodies, order, touches, from_rest };
+        let (grain_of, touches) = (&self.grid.grain_of, &self.touches);
+        let filler = Filler { scene, memory, bodies: &problem.bodies, grain_of, touches, from_rest };
         let slices = (&mut problem.contacts[..], &mut problem.cohesion[..], &mut self.ages[..]);
-        filler.fill(&mut self.parts, 0, &self.pairs, slices);
+        filler.fill(&mut self.chunks, 0, &self.pairs, slices);
         problem.overlaps.clear();
-        self.parts.iter().for_each(|part| problem.overlaps.extend_from_slice(&part.overlaps));
+        self.chunks.iter().for_each(|chunk| problem.overlaps.extend_from_slice(&chunk.overlaps));
     }
 
     /// Whether no contact was missed: all final velocities keep within what the search assumed, or those
     /// grains that do not meet nobody on their way.
     pub fn holds(&self, scene: &Scene<D>, problem: &Problem<D>) -> bool {
         let p = scene.particles;
-        self.grid.order.iter().enumerate().all(|(slot, &i)| {
+        self.grid.grain_of.iter().enumerate().all(|(slot, &i)| {
             let i = i as usize;
             let zone = self.grid.zone_of(slot, &p.position[i]);
             let v = problem.bodies.velocity(slot);
@@ -299,7 +299,7 @@ impl<const D: usize> Search<D> {
         let end = x + v * scene.h;
         let mut free = true;
         self.grid.around(&x, |slot| {
-            let j = self.grid.order[slot] as usize;
+            let j = self.grid.grain_of[slot] as usize;
             let reach = r + p.radius[j];
             let there = p.position[j] + problem.bodies.velocity(slot) * scene.h;
             let overlap = reach - (there - end).norm();
@@ -315,9 +315,9 @@ impl<const D: usize> Search<D> {
 
     /// Number of the second side of a contact: a grain, or `WALL` + number.
     fn partner(&self, c: &Contact<D>) -> u32 {
-        let n = self.grid.order.len();
+        let n = self.grid.grain_of.len();
         let j = c.j as usize;
-        if j < n { self.grid.order[j] } else { WALL + self.touches[j - n].wall }
+        if j < n { self.grid.grain_of[j] } else { WALL + self.touches[j - n].wall }
     }
 
     /// Grain, partner, normal and force on the partner of the contacts that carry one.
@@ -327,7 +327,7 @@ impl<const D: usize> Search<D> {
         h: f64,
     ) -> impl Iterator<Item = (u32, u32, Vector<D>, Vector<D>)> + 'a {
         let acting = problem.contacts.iter().filter(|c| c.acts());
-        acting.map(move |c| (self.grid.order[c.i as usize], self.partner(c), c.normal, c.impulse / h))
+        acting.map(move |c| (self.grid.grain_of[c.i as usize], self.partner(c), c.normal, c.impulse / h))
     }
 
     /// The contacts of the problem by identity; those that touch are `older` (s) than at the start of the sub-step.
@@ -337,7 +337,7 @@ impl<const D: usize> Search<D> {
         older: f64,
     ) -> impl Iterator<Item = Record<D>> + 'a {
         problem.contacts.iter().enumerate().filter_map(move |(k, c)| {
-            let (i, j) = (self.grid.order[c.i as usize], self.partner(c));
+            let (i, j) = (self.grid.grain_of[c.i as usize], self.partner(c));
             let age = self.ages.get(k).map_or(0.0, |a| a + older);
             (c.acts() || age > 0.0).then_some(Record { i, j, impulse: c.impulse, age })
         })
@@ -349,7 +349,7 @@ struct Filler<'a, const D: usize> {
     scene: &'a Scene<'a, D>,
     memory: &'a Memory<D>,
     bodies: &'a Bodies<D>,
-    order: &'a [u32],
+    grain_of: &'a [u32],
     touches: &'a [Touch],
     /// Whether this is the first sub-step of grains at rest.
     from_rest: bool,
@@ -359,21 +359,21 @@ struct Filler<'a, const D: usize> {
 type Slices<'a, const D: usize> = (&'a mut [Contact<D>], &'a mut [f64], &'a mut [f64]);
 
 impl<const D: usize> Filler<'_, D> {
-    /// The contacts of these pairs, the first of which has a number, part by part.
-    fn fill(&self, parts: &mut [Part], first: usize, pairs: &[[u32; 2]], slices: Slices<D>) {
+    /// The contacts of these pairs, the first of which has a number, chunk by chunk.
+    fn fill(&self, chunks: &mut [Chunk], first: usize, pairs: &[[u32; 2]], slices: Slices<D>) {
         let (contacts, cohesion, ages) = slices;
-        if let [part] = parts {
-            part.overlaps.clear();
+        if let [chunk] = chunks {
+            chunk.overlaps.clear();
             for (k, pair) in pairs.iter().enumerate() {
                 let glue = cohesion.get_mut(k).zip(ages.get_mut(k));
                 let overlap = self.contact(*pair, &mut contacts[k], glue);
-                part.overlaps.extend(overlap.map(|gap| ((first + k) as u32, gap)));
+                chunk.overlaps.extend(overlap.map(|gap| ((first + k) as u32, gap)));
             }
             return;
         }
-        let half = parts.len() / 2;
-        let cut = pairs.len() * half / parts.len();
-        let (left, right) = parts.split_at_mut(half);
+        let half = chunks.len() / 2;
+        let cut = pairs.len() * half / chunks.len();
+        let (left, right) = chunks.split_at_mut(half);
         let (a, b) = pairs.split_at(cut);
         let (contacts_a, contacts_b) = contacts.split_at_mut(cut);
         let (cohesion_a, cohesion_b) = cohesion.split_at_mut(cut.min(cohesion.len()));
@@ -392,16 +392,16 @@ impl<const D: usize> Filler<'_, D> {
         glue: Option<(&mut f64, &mut f64)>,
     ) -> Option<f64> {
         let (scene, radius) = (self.scene, &self.scene.particles.radius);
-        let i = self.order[a as usize];
+        let i = self.grain_of[a as usize];
         let (j, gap, smaller);
         if b & WALL == 0 {
-            j = self.order[b as usize];
+            j = self.grain_of[b as usize];
             (*contact, gap) = scene.between_grains([a, b], [i, j], self.bodies);
             smaller = radius[i as usize].min(radius[j as usize]);
         } else {
             let touch = b & !WALL;
             j = WALL + self.touches[touch as usize].wall;
-            let slot = self.order.len() as u32 + touch;
+            let slot = self.grain_of.len() as u32 + touch;
             (*contact, gap) = scene.with_wall([a, slot], [i, j & !WALL], self.bodies);
             smaller = radius[i as usize];
         }

@@ -46,7 +46,7 @@ pub(crate) struct Tiles {
 pub(crate) struct Problem<const D: usize> {
     pub bodies: Bodies<D>,
     /// Centres and radii of the grains, in the order of the bodies.
-    pub place: Vec<Vector<D>>,
+    pub position: Vec<Vector<D>>,
     pub radius: Vec<f64>,
     pub contacts: Vec<Contact<D>>,
     /// Contacts whose grains overlap by more than may stay, and their gap over the smaller radius (below 0).
@@ -414,7 +414,7 @@ impl<const D: usize> Problem<D> {
     /// Where the surface of the first grain is at a contact.
     #[inline(always)]
     pub fn point(&self, c: &Contact<D>) -> Vector<D> {
-        self.place[c.i as usize] + c.normal * self.radius[c.i as usize]
+        self.position[c.i as usize] + c.normal * self.radius[c.i as usize]
     }
 
     /// The corners of the box around all contacts.

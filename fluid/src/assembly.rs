@@ -1,8 +1,8 @@
 //! From cells to the global matrix, in parallel and with the same sums for any number of threads.
 //!
-//! The rows are divided into contiguous parts, one per thread; each part computes every cell that touches its
+//! The rows are divided into contiguous chunks, one per thread; each chunk computes every cell that touches its
 //! rows and adds only to them. A row receives its cells in ascending order whatever the division, so the sums
-//! do not depend on it; cells on a border between parts are computed more than once.
+//! do not depend on it; cells on a border between chunks are computed more than once.
 
 use crate::linear::{BlockMatrix, Pattern};
 use rayon::prelude::*;
@@ -32,11 +32,11 @@ pub struct Assembler {
     /// Place of each block of each cell in the matrix, N x N per cell.
     position: Vec<u32>,
     cells: Vec<u32>,
-    parts: Vec<Part>,
+    chunks: Vec<Chunk>,
 }
 
 #[derive(Clone, Debug)]
-struct Part {
+struct Chunk {
     rows: Range<usize>,
     cells: Vec<u32>,
 }
@@ -168,9 +168,9 @@ impl Assembler {
             }
         }
         let threads = rayon::current_num_threads();
-        let parts =
-            (0..threads).map(|k| part::<N>(cells, nodes * k / threads..nodes * (k + 1) / threads)).collect();
-        Self { pattern, position, cells: cells.to_vec(), parts }
+        let chunks =
+            (0..threads).map(|k| chunk::<N>(cells, nodes * k / threads..nodes * (k + 1) / threads)).collect();
+        Self { pattern, position, cells: cells.to_vec(), chunks }
     }
 
     /// Fills the system with the sums of `local(cell, out)` over all cells.
@@ -181,42 +181,42 @@ impl Assembler {
     ) {
         let mut values = system.matrix.values.as_mut_slice();
         let mut rhs = system.rhs.as_mut_slice();
-        let mut work = Vec::with_capacity(self.parts.len());
-        for part in &self.parts {
-            let blocks = self.pattern.offsets[part.rows.end] - self.pattern.offsets[part.rows.start];
+        let mut work = Vec::with_capacity(self.chunks.len());
+        for chunk in &self.chunks {
+            let blocks = self.pattern.offsets[chunk.rows.end] - self.pattern.offsets[chunk.rows.start];
             let (own_values, rest) = values.split_at_mut(blocks as usize);
             values = rest;
-            let (own_rhs, rest) = rhs.split_at_mut(K * part.rows.len());
+            let (own_rhs, rest) = rhs.split_at_mut(K * chunk.rows.len());
             rhs = rest;
-            work.push((part, own_values, own_rhs));
+            work.push((chunk, own_values, own_rhs));
         }
-        work.into_par_iter().for_each(|(part, values, rhs)| {
+        work.into_par_iter().for_each(|(chunk, values, rhs)| {
             values.fill([[0.0; K]; K]);
             rhs.fill(0.0);
             let mut out = Local::default();
-            for &cell in &part.cells {
+            for &cell in &chunk.cells {
                 local(cell as usize, &mut out);
-                self.scatter(part, cell as usize, &out, values, rhs);
+                self.scatter(chunk, cell as usize, &out, values, rhs);
             }
         });
     }
 
     fn scatter<const N: usize, const K: usize>(
         &self,
-        part: &Part,
+        chunk: &Chunk,
         cell: usize,
         local: &Local<N, K>,
         values: &mut [[[f64; K]; K]],
         rhs: &mut [f64],
     ) {
-        let first = self.pattern.offsets[part.rows.start] as usize;
+        let first = self.pattern.offsets[chunk.rows.start] as usize;
         for a in 0..N {
             let node = self.cells[N * cell + a] as usize;
-            if !part.rows.contains(&node) {
+            if !chunk.rows.contains(&node) {
                 continue;
             }
             for i in 0..K {
-                rhs[K * (node - part.rows.start) + i] += local.rhs[a][i];
+                rhs[K * (node - chunk.rows.start) + i] += local.rhs[a][i];
             }
             for b in 0..N {
                 let block = &mut values[self.position[N * (N * cell + a) + b] as usize - first];
@@ -230,9 +230,9 @@ impl Assembler {
     }
 }
 
-fn part<const N: usize>(cells: &[u32], rows: Range<usize>) -> Part {
+fn chunk<const N: usize>(cells: &[u32], rows: Range<usize>) -> Chunk {
     let touches = |cell: &[u32]| cell.iter().any(|&node| rows.contains(&(node as usize)));
     let cells =
         cells.chunks_exact(N).enumerate().filter(|(_, cell)| touches(cell)).map(|(k, _)| k as u32).collect();
-    Part { rows, cells }
+    Chunk { rows, cells }
 }

@@ -31,13 +31,13 @@ pub struct Balance<const D: usize> {
     pub scalars: Vec<f64>,
     /// What the fluid carries out through the part of each scalar, capacity times value times flux, W for heat (W/m in the
     /// plane).
-    pub carried: Vec<f64>,
+    pub convected: Vec<f64>,
 }
 
 impl<const D: usize> Balance<D> {
     /// Nothing passes, of so many scalars.
     pub fn none(scalars: usize) -> Self {
-        Self { flux: 0.0, force: Vector::zeros(), scalars: vec![0.0; scalars], carried: vec![0.0; scalars] }
+        Self { flux: 0.0, force: Vector::zeros(), scalars: vec![0.0; scalars], convected: vec![0.0; scalars] }
     }
 }
 
@@ -61,7 +61,7 @@ impl<const D: usize, const B: usize> Solved<'_, D, B> {
         out.resize_with(self.conditions.len(), || Balance::none(0));
         for (condition, balance) in self.conditions.iter().zip(out) {
             (balance.flux, balance.force) = (0.0, Vector::zeros());
-            for column in [&mut balance.scalars, &mut balance.carried] {
+            for column in [&mut balance.scalars, &mut balance.convected] {
                 column.clear();
                 column.resize(self.capacity.len(), 0.0);
             }
@@ -97,7 +97,7 @@ impl<const D: usize, const B: usize> Solved<'_, D, B> {
             for (k, capacity) in self.capacity.iter().enumerate() {
                 let value = facet.at(phi, |node| self.new.scalars[k][node]);
                 if carries {
-                    out.carried[k] += weight * flux * capacity * value;
+                    out.convected[k] += weight * flux * capacity * value;
                 }
                 out.scalars[k] += weight
                     * match condition.scalar(k) {

@@ -154,8 +154,8 @@ def test_a_moving_wall_passes_the_mixture_but_carries_nothing():
     )
     new = Fields(np.tile([-0.2, 0.0], (count, 1)), state.pressure, state.scalars)
     found = balances(box, step, state, new, np.zeros((count, 2)), [np.zeros(count)])
-    assert found["x1"].flux == pytest.approx(0.3) and found["x1"].carried == (0.0,)
+    assert found["x1"].flux == pytest.approx(0.3) and found["x1"].convected == (0.0,)
     assert found["x0"].flux == pytest.approx(0.5 * 0.2)
-    assert found["x0"].carried[0] == pytest.approx(1.5 * 2.0 * 0.5 * 0.2)
+    assert found["x0"].convected[0] == pytest.approx(1.5 * 2.0 * 0.5 * 0.2)
     # The mesh leaves the fluid at rest behind: that is no inflow at x = 0, where w . n = 0.3 > 0.
     np.testing.assert_allclose(found["x0"].force, [-7.0, 0.0])

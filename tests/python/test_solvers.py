@@ -152,7 +152,7 @@ def test_what_passes_the_boundary_closes_the_balances(solver, rng, dimension, fo
         given = [each.scalars[k] for each in found.values()]
         scale = np.abs(parts).sum()
         assert sum(given) == pytest.approx(sum(parts), abs=close(solver) * scale), scalar.name
-        assert found["y1"].carried[k] == 0.0
+        assert found["y1"].convected[k] == 0.0
         if dimension == 2 and k == 1:
             assert found["y0"].scalars[k] == found["x1"].scalars[k] == 0.0
     rho, heavy = box.density, 1 - warm.expansion * (new.scalars[0] - warm.reference)
@@ -275,7 +275,7 @@ def test_a_stream_through_open_boundaries(solver):
     np.testing.assert_allclose(solution.fields.scalars[0], T, rtol=1e-12)
     entering, leaving = (solution.balances[name] for name in ("x0", "x1"))
     assert leaving.flux == pytest.approx(U[0]) and entering.flux == pytest.approx(-U[0])
-    assert leaving.carried[0] == pytest.approx(WARM.capacity * U[0] * T)
+    assert leaving.convected[0] == pytest.approx(WARM.capacity * U[0] * T)
     # The fluid that enters takes up the momentum rho U^2, which the pressure there gives it.
     np.testing.assert_allclose(leaving.force, [0.4, 0], atol=1e-9)
     np.testing.assert_allclose(entering.force, [-0.4 - drag * U[0], 0], atol=1e-9)

@@ -102,7 +102,7 @@ fn closes(path: &str, sets: &[&str]) {
         }
         for (k, inside) in inside.scalars.iter().enumerate() {
             let given: Vec<f64> = balances.iter().map(|balance| balance.scalars[k]).collect();
-            let carried: f64 = balances.iter().map(|balance| balance.carried[k].abs()).sum();
+            let carried: f64 = balances.iter().map(|balance| balance.convected[k].abs()).sum();
             near("scalar", given.iter().sum(), *inside, carried);
         }
     }
@@ -140,7 +140,7 @@ fn a_step_in_parts_reports_what_passes_in_all_of_them() {
         let (off, size) = (sum.force - (a.force + b.force) * 0.5, a.force.norm() + b.force.norm());
         assert!(off.norm() <= 1e-8 * size, "{} {} {}", sum.force, a.force, b.force);
         for k in 0..sum.scalars.len() {
-            near(sum.carried[k], a.carried[k], b.carried[k]);
+            near(sum.convected[k], a.convected[k], b.convected[k]);
             near(sum.scalars[k], a.scalars[k], b.scalars[k]);
         }
         differs = differs.max((a.force - b.force).norm());

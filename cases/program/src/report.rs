@@ -4,7 +4,7 @@ use miette::{Diagnostic, LabeledSpan, MietteHandlerOpts, NamedSource, Report, So
 use std::fmt;
 use std::io::IsTerminal;
 use voidage_coupling::Error;
-use voidage_scene::{Place, SceneError};
+use voidage_scene::{Location, SceneError};
 
 /// Prints an error to stderr.
 pub fn print(error: &Error) {
@@ -34,11 +34,11 @@ struct Underlined {
 impl Underlined {
     fn new(error: &SceneError) -> Self {
         let name = error.file.display();
-        let (message, span) = match &error.place {
-            Place::File { span, line, column } => {
+        let (message, span) = match &error.location {
+            Location::File { span, line, column } => {
                 (format!("{name}:{line}:{column}: {}", error.notice.what), Some((span.start, span.len())))
             }
-            Place::Set(option) => (format!("{name}: --set {option}: {}", error.notice.what), None),
+            Location::Set(option) => (format!("{name}: --set {option}: {}", error.notice.what), None),
         };
         let source = NamedSource::new(name.to_string(), error.text.to_string());
         Underlined { message, help: error.notice.help.clone(), source, span }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use toml::{Table, Value};
 use voidage_coupling::{Error, Result};
-use voidage_scene::{Place, Scene};
+use voidage_scene::{Location, Scene};
 
 /// Keys with their values.
 pub type Settings = BTreeMap<String, Value>;
@@ -253,7 +253,7 @@ fn place(study: &Study, choice: &Choice, key: &str) -> String {
 /// An error of the scene that a setting of the study made is one of the study.
 fn blame(study: &Study, choice: &Choice, error: Error) -> Error {
     if let Error::Scene(scene) = &error
-        && let Place::Set(option) = &scene.place
+        && let Location::Set(option) = &scene.location
         && let Some((key, _)) = option.split_once('=')
     {
         let what = format!("{}: {option}: {}", scene.file.display(), scene.notice.what);

@@ -15,7 +15,7 @@ use voidage_coupling::PeerError;
 use voidage_coupling::backend::Solution;
 use voidage_fluid::MeshMotion;
 use voidage_remote::protocol::{
-    Kind, MotionPlaces, POINT_SCALAR, POINTS, Place, Setup, SolutionMessage, dimension, read_mesh,
+    Kind, MotionLayout, POINT_SCALAR, POINTS, Setup, SolutionMessage, TableLayout, dimension, read_mesh,
     read_state, read_step,
 };
 use voidage_remote::transport::{self, Address, LOOK};
@@ -167,8 +167,8 @@ impl Peer {
 #[pyclass(frozen, module = "voidage")]
 pub struct Frame {
     frame: transport::Frame,
-    points: Option<(Place, Range<usize>)>,
-    motion: Option<MotionPlaces>,
+    points: Option<(TableLayout, Range<usize>)>,
+    motion: Option<MotionLayout>,
     nodes: usize,
     scalars: usize,
     cells: usize,

@@ -235,7 +235,7 @@ impl Expected {
                     1,
                 )?),
                 scalars: of_scalars("scalars")?,
-                carried: of_scalars("carried")?,
+                convected: of_scalars("convected")?,
             });
         }
         Ok(())

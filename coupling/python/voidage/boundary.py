@@ -294,15 +294,15 @@ def balances(
             share, velocity = step.voidage, new.velocity
         elif isinstance(condition.flow, NoSlip | Slip):
             share = np.zeros_like(share)  # a wall carries nothing away
-        flux, given, carried = part.at(share) * part.through(velocity), [], []
+        flux, given, convected = part.at(share) * part.through(velocity), [], []
         for k, (scalar, s) in enumerate(zip(problem.scalars, new.scalars, strict=True)):
             _, matrix, rhs = scalar_terms(problem, condition, step, wind, k)
             held = scalar_residuals[k][last[k] == number].sum()
             given.append(float(held + rhs.sum() - np.einsum("fab,fb->", matrix, s[facets])))
-            carried.append(part.total(scalar.capacity * part.at(s) * flux))
+            convected.append(part.total(scalar.capacity * part.at(s) * flux))
         force = forces[number] + passed[:-1]
         total = float(passed[-1])
-        found[condition.boundary] = Balance(total, force, tuple(given), tuple(carried))
+        found[condition.boundary] = Balance(total, force, tuple(given), tuple(convected))
     return found
 
 

@@ -248,7 +248,7 @@ class Balance:
     scalars: tuple[float, ...]
     """What the part gives to the fluid of each scalar by conduction, by transfer and by the value
     of the fluid that enters, W for heat."""
-    carried: tuple[float, ...]
+    convected: tuple[float, ...]
     """What leaves of each scalar with the fluid: capacity times value times flux, W for heat."""
 
 

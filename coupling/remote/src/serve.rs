@@ -1,7 +1,9 @@
 //! The loop in which a fluid solver of this crate answers the requests of a run in another process.
 
 use crate::peer::Peer;
-use crate::protocol::{Kind, Setup, SolutionMessage, StepParts, dimension, read_mesh, read_state, read_step};
+use crate::protocol::{
+    Kind, Setup, SolutionMessage, StepLayout, dimension, read_mesh, read_state, read_step,
+};
 use crate::transport::{Address, Frame, LOOK};
 use std::time::Duration;
 use voidage_coupling::backend::{FluidBackend, FluidStep, Immersed, RustFluid, Solution};
@@ -91,7 +93,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
     fn solve(&mut self, frame: &Frame, peer: &mut Peer) -> Result<()> {
         self.accept(frame);
         let header = frame.header();
-        let StepParts { points, motion, conditions } = read_step(header, frame.payload())?;
+        let StepLayout { points, motion, conditions } = read_step(header, frame.payload())?;
         self.conditions = conditions.unwrap_or(std::mem::take(&mut self.conditions));
         let mesh = self.mesh.as_ref().ok_or_else(no_mesh)?;
         if let Some((place, voidage)) = &points {

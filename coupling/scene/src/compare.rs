@@ -223,10 +223,10 @@ fn at_boundary<const D: usize>(
     ];
     for (k, name) in scalars.iter().enumerate() {
         let [ours, theirs] = column(&|balance| balance.scalars[k]);
-        let [carried, others] = column(&|balance| balance.carried[k]);
-        // Where all temperatures are equal, what passes is the round-off of what is carried.
-        found.push(numbers(&format!("{name} at the boundary"), &ours, &theirs, largest(&carried)));
-        found.push(numbers(&format!("{name} carried out"), &carried, &others, 0.0));
+        let [convected, others] = column(&|balance| balance.convected[k]);
+        // Where all temperatures are equal, what passes is the round-off of what is convected.
+        found.push(numbers(&format!("{name} at the boundary"), &ours, &theirs, largest(&convected)));
+        found.push(numbers(&format!("{name} convected out"), &convected, &others, 0.0));
     }
     found
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
-use voidage_coupling::error::{Notice, Place, SceneError};
+use voidage_coupling::error::{Location, Notice, SceneError};
 
 /// The text that a scene was read from and the changes made to it by `--set`.
 #[derive(Clone, Debug, Default)]
@@ -36,8 +36,8 @@ impl Origin {
                 .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
         });
         match set {
-            Some((_, option)) => self.at(Place::Set(option.clone()), message, help),
-            None => self.at(self.place(locate(&self.text, &segments(path))), message, help),
+            Some((_, option)) => self.at(Location::Set(option.clone()), message, help),
+            None => self.at(self.location(locate(&self.text, &segments(path))), message, help),
         }
     }
 
@@ -48,25 +48,25 @@ impl Origin {
         message: impl Into<String>,
         help: impl Into<String>,
     ) -> Box<SceneError> {
-        self.at(self.place(span), message, help)
+        self.at(self.location(span), message, help)
     }
 
     /// An error at a known place.
     pub(super) fn at(
         &self,
-        place: Place,
+        location: Location,
         message: impl Into<String>,
         help: impl Into<String>,
     ) -> Box<SceneError> {
         let (file, text) = (self.file.clone(), self.text.clone());
-        Box::new(SceneError { file, text, place, notice: Notice::new(message, help) })
+        Box::new(SceneError { file, text, location, notice: Notice::new(message, help) })
     }
 
-    fn place(&self, span: Range<usize>) -> Place {
+    fn location(&self, span: Range<usize>) -> Location {
         let before = &self.text[..span.start.min(self.text.len())];
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
-        Place::File { span, line, column }
+        Location::File { span, line, column }
     }
 }
 

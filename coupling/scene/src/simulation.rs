@@ -327,7 +327,7 @@ impl Simulation {
             flux: if steps { f64::NAN } else { 0.0 },
             force: Vector::repeat(if steps { f64::NAN } else { 0.0 }),
             scalars: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
-            carried: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
+            convected: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
         };
         for (part, condition) in fluid.conditions.iter().enumerate() {
             let name = column_name(&condition.boundary);
@@ -337,12 +337,14 @@ impl Simulation {
                 readings.push((format!("force_{name}_{axis}_N_per_m").into(), *force));
             }
             for (k, scalar) in fluid.scalars.iter().enumerate() {
-                let (given, carried) = match scalar.as_str() {
-                    TEMPERATURE => (format!("heat_{name}_W_per_m"), format!("carried_heat_{name}_W_per_m")),
-                    other => (format!("{other}_{name}_m2_per_s"), format!("carried_{other}_{name}_m2_per_s")),
+                let (given, convected) = match scalar.as_str() {
+                    TEMPERATURE => (format!("heat_{name}_W_per_m"), format!("convected_heat_{name}_W_per_m")),
+                    other => {
+                        (format!("{other}_{name}_m2_per_s"), format!("convected_{other}_{name}_m2_per_s"))
+                    }
                 };
                 readings.push((given.into(), balance.scalars[k]));
-                readings.push((carried.into(), balance.carried[k]));
+                readings.push((convected.into(), balance.convected[k]));
             }
         }
     }

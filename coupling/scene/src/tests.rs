@@ -71,10 +71,10 @@ fn options_set_values_by_path_number_and_variant() {
 #[test]
 fn errors_know_their_place() {
     let error = parse(&["grains[0].solidity=2"]).unwrap_err();
-    assert_eq!(error.place, Place::Set("grains[0].solidity=2".to_owned()));
+    assert_eq!(error.location, Location::Set("grains[0].solidity=2".to_owned()));
     let text = GRAIN.replace("1e-3 }", "-1e-3 }");
     let error = Scene::parse(Path::new("grain.toml"), &text, &[]).unwrap_err();
-    let Place::File { span, line, column } = error.place.clone() else { panic!("{error}") };
+    let Location::File { span, line, column } = error.location.clone() else { panic!("{error}") };
     assert_eq!((&text[span], line, column), ("-1e-3", 5, 55));
     assert!(
         error.to_string().starts_with("grain.toml:5:55: `grains[0].radius.constant = -0.001`"),

@@ -96,7 +96,7 @@ impl<const D: usize> Mean<D> {
             sum.flux += part.flux * share;
             sum.force += part.force * share;
             add(&mut sum.scalars, &part.scalars, share);
-            add(&mut sum.carried, &part.carried, share);
+            add(&mut sum.convected, &part.convected, share);
         }
     }
 

@@ -25,7 +25,7 @@ impl<const D: usize> Dem<D> {
         for attempt in 1.. {
             search.prepare(&self.scene(h, load), &self.memory, &self.after, &mut problem);
             problem.apply_impulses();
-            let outcome = self.solve(&mut problem, &search.grid.order, &stopping, load, h);
+            let outcome = self.solve(&mut problem, &search.grid.grain_of, &stopping, load, h);
             report.sweeps += outcome.sweeps;
             report.work += outcome.work;
             let holds = search.holds(&self.scene(h, load), &problem);
@@ -39,7 +39,7 @@ impl<const D: usize> Dem<D> {
             // Those of all attempts: the solution of a wider search may be slow where the one before was not, and again.
             let known = self.after.len();
             self.after.resize(known + self.particles.len(), Vector::zeros());
-            for (slot, &i) in search.grid.order.iter().enumerate() {
+            for (slot, &i) in search.grid.grain_of.iter().enumerate() {
                 self.after[known + i as usize] = problem.bodies.velocity(slot);
             }
             self.memory.store(self.particles.len(), h, self.settings.cohesion.is_some(), || {
@@ -70,15 +70,15 @@ impl<const D: usize> Dem<D> {
     fn solve(
         &self,
         problem: &mut Problem<D>,
-        order: &[u32],
+        grain_of: &[u32],
         stopping: &Stopping,
         load: &Load<'_, D>,
         h: f64,
     ) -> Outcome {
         let scene = self.scene(h, load);
-        let free = |bodies: &Bodies<D>| scene.set_free(order, bodies);
-        let pushed = |bodies: &Bodies<D>| scene.pushed(order, bodies);
-        let changed = |bodies: &Bodies<D>| scene.changed(order, bodies);
+        let free = |bodies: &Bodies<D>| scene.set_free(grain_of, bodies);
+        let pushed = |bodies: &Bodies<D>| scene.pushed(grain_of, bodies);
+        let changed = |bodies: &Bodies<D>| scene.changed(grain_of, bodies);
         problem.solve(stopping, &Grains { free: &free, pushed: &pushed, changed: &changed })
     }
 

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 /// A grain wider than the cells of tiles.
 pub(super) struct Wide<const D: usize> {
-    pub place: Vector<D>,
+    pub position: Vector<D>,
     pub radius: f64,
     /// Cells of the base in which it may meet a grain.
     pub cells: Vec<[i64; D]>,
@@ -15,7 +15,7 @@ pub(super) struct Wide<const D: usize> {
 
 impl<const D: usize> Default for Wide<D> {
     fn default() -> Self {
-        Self { place: Vector::zeros(), radius: 0.0, cells: vec![] }
+        Self { position: Vector::zeros(), radius: 0.0, cells: vec![] }
     }
 }
 
@@ -24,21 +24,21 @@ impl<const D: usize> Grid<D> {
     pub(super) fn gather_wide(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64) {
         let first = self.first_wide();
         let mut wide = std::mem::take(&mut self.wide);
-        wide.resize_with(self.order.len() - first, Wide::default);
+        wide.resize_with(self.grain_of.len() - first, Wide::default);
         let width = (1u64 << self.base) as f64 / self.inverse;
         let dims = self.level_dims(self.base);
-        for (grain, &i) in wide.iter_mut().zip(&self.order[first..]) {
-            (grain.place, grain.radius) = (position[i as usize], radius[i as usize]);
-            let Wide { place, radius, cells } = grain;
+        for (grain, &i) in wide.iter_mut().zip(&self.grain_of[first..]) {
+            (grain.position, grain.radius) = (position[i as usize], radius[i as usize]);
+            let Wide { position, radius, cells } = grain;
             cells.clear();
             // A grain of the base is at most half a cell wide beside its centre, which lies anywhere in its cell.
             let far = *radius * (1.0 + SKIN) + reach + width;
-            let [low, high] = [-far, far].map(|far| self.locate(&(*place + Vector::<D>::repeat(far))));
+            let [low, high] = [-far, far].map(|far| self.locate(&(*position + Vector::<D>::repeat(far))));
             each_cell(&low.map(|q| q >> self.base), &high.map(|q| (q >> self.base) + 1), |q| {
                 let centre = Vector::<D>::from_fn(|a, _| self.origin[a] + (q[a] as f64 + 0.5) * width);
                 // Border cells hold whatever lies beyond them too.
                 let border = (0..D).any(|a| q[a] == 0 || q[a] == dims[a] - 1);
-                if border || (centre - *place).norm() <= far + 0.5 * width * (D as f64).sqrt() {
+                if border || (centre - *position).norm() <= far + 0.5 * width * (D as f64).sqrt() {
                     cells.push(*q);
                 }
             });
@@ -52,7 +52,7 @@ impl<const D: usize> Grid<D> {
         });
         let near = |[a, b]: &[u32; 2]| {
             let (a, b) = (&wide[*a as usize], &wide[*b as usize]);
-            (a.place - b.place).norm() < (a.radius + b.radius) * (1.0 + SKIN) + reach
+            (a.position - b.position).norm() < (a.radius + b.radius) * (1.0 + SKIN) + reach
         };
         pairs.retain(near);
         (self.wide, self.wide_pairs) = (wide, pairs);

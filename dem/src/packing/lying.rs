@@ -7,15 +7,15 @@ type Point = Vector<2>;
 /// End of a chain of discs.
 const NONE: u32 = u32::MAX;
 
-/// Discs of one order of size: at most `reach` in radius, and above half of that but for the last order.
+/// Discs of one class of size: at most `largest` in radius, and above half of that but for the last class.
 #[derive(Default)]
-struct Order {
-    reach: f64,
+struct SizeClass {
+    largest: f64,
     /// First disc of each cell, row by row; rows are added as discs lie higher.
     first: Vec<u32>,
 }
 
-/// Discs that lie still. Cells are as wide as the largest diameter of an order of size, so that small discs among large ones
+/// Discs that lie still. Cells are as wide as the largest diameter of a class of size, so that small discs among large ones
 /// are found as fast as equal ones.
 pub(super) struct Lying {
     pub position: Vec<Point>,
@@ -24,47 +24,47 @@ pub(super) struct Lying {
     pub top: f64,
     low: Point,
     width: f64,
-    orders: Vec<Order>,
+    classes: Vec<SizeClass>,
     /// The next disc of the same cell.
     next: Vec<u32>,
 }
 
-/// Orders of size at most; all smaller discs are of the last.
-const ORDERS: usize = 12;
+/// Classes of size at most; all smaller discs are of the last.
+const MOST_CLASSES: usize = 12;
 
 impl Lying {
     /// No disc yet, in a region from `low` on that is `width` wide; radii from `smallest` to `largest`, m.
     pub fn new(low: Point, width: f64, (smallest, largest): (f64, f64)) -> Self {
-        let count = ((largest / smallest).log2().floor() as usize + 1).min(ORDERS);
-        let orders =
-            (0..count).map(|k| Order { reach: largest / f64::from(1 << k), first: vec![] }).collect();
-        Self { position: vec![], radius: vec![], top: low[1], low, width, orders, next: vec![] }
+        let count = ((largest / smallest).log2().floor() as usize + 1).min(MOST_CLASSES);
+        let classes =
+            (0..count).map(|k| SizeClass { largest: largest / f64::from(1 << k), first: vec![] }).collect();
+        Self { position: vec![], radius: vec![], top: low[1], low, width, classes, next: vec![] }
     }
 
     /// Largest radius that discs may have, m.
     pub fn largest(&self) -> f64 {
-        self.orders[0].reach
+        self.classes[0].largest
     }
 
-    /// Number of columns of cells of an order.
-    fn columns(&self, order: &Order) -> usize {
-        (self.width / (2.0 * order.reach)).floor().clamp(1.0, 1e6) as usize
+    /// Number of columns of cells of a class.
+    fn columns(&self, class: &SizeClass) -> usize {
+        (self.width / (2.0 * class.largest)).floor().clamp(1.0, 1e6) as usize
     }
 
     /// Column and row of a place; places outside of the region belong to its nearest cell.
-    fn cell(&self, order: &Order, x: f64, y: f64) -> [usize; 2] {
-        let columns = self.columns(order);
+    fn cell(&self, class: &SizeClass, x: f64, y: f64) -> [usize; 2] {
+        let columns = self.columns(class);
         let along = (x - self.low[0]) / self.width * columns as f64;
-        let up = (y - self.low[1]) / (2.0 * order.reach);
+        let up = (y - self.low[1]) / (2.0 * class.largest);
         [(along.max(0.0) as usize).min(columns - 1), up.max(0.0) as usize]
     }
 
     /// Adds a disc.
     pub fn push(&mut self, position: Point, radius: f64) {
-        let k = self.orders.iter().rposition(|order| radius <= order.reach).unwrap_or(0);
-        let [column, row] = self.cell(&self.orders[k], position[0], position[1]);
-        let columns = self.columns(&self.orders[k]);
-        let first = &mut self.orders[k].first;
+        let k = self.classes.iter().rposition(|class| radius <= class.largest).unwrap_or(0);
+        let [column, row] = self.cell(&self.classes[k], position[0], position[1]);
+        let columns = self.columns(&self.classes[k]);
+        let first = &mut self.classes[k].first;
         if first.len() < (row + 1) * columns {
             first.resize((row + 1) * columns, NONE);
         }
@@ -75,15 +75,15 @@ impl Lying {
         self.top = self.top.max(position[1] + radius);
     }
 
-    /// Visits all discs that may reach into a box, and some that do not.
+    /// Visits all discs that may largest into a box, and some that do not.
     pub fn near(&self, low: Point, high: Point, mut visit: impl FnMut(usize)) {
-        for order in &self.orders {
-            let columns = self.columns(order);
-            let [left, bottom] = self.cell(order, low[0] - order.reach, low[1] - order.reach);
-            let [right, top] = self.cell(order, high[0] + order.reach, high[1] + order.reach);
-            let rows = order.first.len() / columns;
+        for class in &self.classes {
+            let columns = self.columns(class);
+            let [left, bottom] = self.cell(class, low[0] - class.largest, low[1] - class.largest);
+            let [right, top] = self.cell(class, high[0] + class.largest, high[1] + class.largest);
+            let rows = class.first.len() / columns;
             for row in bottom..(top + 1).min(rows) {
-                for &first in &order.first[row * columns + left..=row * columns + right] {
+                for &first in &class.first[row * columns + left..=row * columns + right] {
                     let mut disc = first;
                     while disc != NONE {
                         visit(disc as usize);

@@ -40,7 +40,7 @@ pub(super) fn triangulate<S: Shape>(domain: &S, boundary: Outline) -> Result<(Po
     // Smoothing may leave a triangle a little too large or thin: mend it.
     refiner.run()?;
     let points = refiner.outline().sites.iter().map(|site| Vector::<2>::new(site.at.x, site.at.y)).collect();
-    Ok(super::order::along_curve(points, refiner.cells()))
+    Ok(super::renumber::along_curve(points, refiner.cells()))
 }
 
 /// An error where a mesh has angles below [`Mesh::SMALLEST_ANGLE`].

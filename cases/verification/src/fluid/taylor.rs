@@ -42,7 +42,7 @@ fn exact(x: &Vec2, diffusivity: f64, middle: f64) -> f64 {
     middle + RISE * (x.x - 0.5 * LENGTH * HEIGHT) + RISE * SPEED * HEIGHT * HEIGHT / diffusivity * across
 }
 
-/// D_eff/D of every scalar, from what passes the left end: conducted, and carried.
+/// D_eff/D of every scalar, from what passes the left end: conducted, and convected.
 fn solve(squares: usize) -> Result<Vec<f64>> {
     let mesh = grid([LENGTH * HEIGHT, HEIGHT], [2 * squares, squares])?;
     let moving =
@@ -79,7 +79,7 @@ fn solve(squares: usize) -> Result<Vec<f64>> {
     }
     let left = &balances[set.conditions.iter().position(|c| c.boundary == "left").unwrap_or(0)];
     let spread = |(k, (_, capacity, diffusivity, _)): (usize, &(&str, f64, f64, f64))| {
-        let into = left.scalars[k] - left.carried[k];
+        let into = left.scalars[k] - left.convected[k];
         -into / (capacity * diffusivity * RISE * HEIGHT)
     };
     Ok(SCALARS.iter().enumerate().map(spread).collect())

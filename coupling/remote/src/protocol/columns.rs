@@ -200,7 +200,7 @@ impl<const D: usize> Table<D> for State<D> {
 
 /// Where a table lies in a payload: so many rows, columns so far apart, from `offset` on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct TableLayout {
     /// Rows of every column.
     pub rows: usize,
     /// Distance from column to column, for columns of numbers; vectors take more.
@@ -211,7 +211,7 @@ pub struct Place {
     pub length: usize,
 }
 
-impl Place {
+impl TableLayout {
     /// Of a table of `width` numbers per row.
     pub fn new(rows: usize, width: usize, offset: usize) -> Self {
         let stride = rows.next_multiple_of(PAD);

@@ -1,6 +1,6 @@
 //! The frames of meshes and nodal fields.
 
-use super::columns::{FIELD_SCALAR, FIELDS, Place, Table, wrong};
+use super::columns::{FIELD_SCALAR, FIELDS, Table, TableLayout, wrong};
 use super::text::{numbers_for_text, write_text};
 use super::{Header, Kind, read_text};
 use std::ops::Range;
@@ -12,24 +12,24 @@ use voidage_fluid::{Mesh, Vector};
 /// Accepted nodal fields for a mesh that is there.
 pub struct StateMessage<'a, const D: usize> {
     fields: &'a State<D>,
-    place: Place,
+    layout: TableLayout,
 }
 
 impl<'a, const D: usize> StateMessage<'a, D> {
     /// Fields alone.
     pub fn new(fields: &'a State<D>) -> Self {
-        Self { fields, place: Place::of(fields, 0) }
+        Self { fields, layout: TableLayout::of(fields, 0) }
     }
 
     /// Its header.
     pub fn header(&self) -> Header {
-        let header = Header { length: self.place.end() as u64, ..Header::new(Kind::State) };
-        self.place.describe(self.fields.scalars(), header)
+        let header = Header { length: self.layout.end() as u64, ..Header::new(Kind::State) };
+        self.layout.describe(self.fields.scalars(), header)
     }
 
     /// Writes the payload.
     pub fn write(&self, payload: &mut [f64]) {
-        self.place.write(self.fields, payload);
+        self.layout.write(self.fields, payload);
     }
 }
 
@@ -39,8 +39,8 @@ pub(super) fn fields_at<const D: usize>(
     payload: &[f64],
     offset: usize,
     fields: &mut State<D>,
-) -> Result<Place, PeerError> {
-    let place = Place::read(header, (&FIELDS, &[FIELD_SCALAR]), D, offset)?;
+) -> Result<TableLayout, PeerError> {
+    let place = TableLayout::read(header, (&FIELDS, &[FIELD_SCALAR]), D, offset)?;
     place.fill(header.scalars, 0, payload, fields)?;
     Ok(place)
 }
@@ -64,14 +64,14 @@ pub fn read_state<const D: usize>(
 
 /// Places in the payload of a mesh: nodes, nodes of cells, nodes of facets, cells behind facets. Numbers of nodes and
 /// cells are whole numbers of 8 bytes like all others.
-struct MeshPlaces {
+struct MeshLayout {
     points: Range<usize>,
     cells: Range<usize>,
     facets: Range<usize>,
     behind: Range<usize>,
 }
 
-impl MeshPlaces {
+impl MeshLayout {
     fn of(header: &Header, dimension: usize) -> Self {
         let points = header.rows as usize * dimension;
         let cells = points + header.cells as usize * (dimension + 1);
@@ -105,8 +105,8 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
         }
     }
 
-    fn place(&self) -> Place {
-        Place::of(self.fields, MeshPlaces::of(&self.counts(), D).behind.end)
+    fn place(&self) -> TableLayout {
+        TableLayout::of(self.fields, MeshLayout::of(&self.counts(), D).behind.end)
     }
 
     /// Its header.
@@ -121,7 +121,7 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
 
     /// Writes the payload.
     pub fn write(&self, payload: &mut [f64]) {
-        let places = MeshPlaces::of(&self.counts(), D);
+        let places = MeshLayout::of(&self.counts(), D);
         let points = self.mesh.points.iter().flat_map(|point| point.iter().copied());
         payload[places.points].iter_mut().zip(points).for_each(|(to, from)| *to = from);
         let parts = &self.mesh.boundaries;
@@ -159,7 +159,7 @@ pub fn read_mesh<const D: usize>(header: &Header, payload: &[f64]) -> Result<(Me
     if header.rows > limit || header.cells > limit || header.facets > limit {
         return wrong(format!("a mesh of {} nodes in {limit} numbers", header.rows));
     }
-    let places = MeshPlaces::of(header, D);
+    let places = MeshLayout::of(header, D);
     let mut fields = State::default();
     fields_at(header, payload, places.behind.end, &mut fields)?;
     let points = payload[places.points].chunks_exact(D).map(Vector::from_column_slice).collect();

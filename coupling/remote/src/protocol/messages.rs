@@ -3,10 +3,10 @@
 //! A message knows its header and length, so that the payload can be borrowed from shared memory, and then writes itself
 //! there.
 
-use super::columns::{POINT_SCALAR, POINTS, Place, Table, wrong};
+use super::columns::{POINT_SCALAR, POINTS, Table, TableLayout, wrong};
 use super::mesh::fields_at;
 use super::text::{numbers_for_text, write_text};
-use super::{ACCEPT, Header, IMMERSED, Kind, MOVES, MotionPlaces, read_text};
+use super::{ACCEPT, Header, IMMERSED, Kind, MOVES, MotionLayout, read_text};
 use std::ops::Range;
 use voidage_coupling::backend::{FluidStep, Solution};
 use voidage_coupling::error::PeerError;
@@ -20,8 +20,8 @@ use voidage_fluid::flow::Report;
 /// What a step brings.
 pub struct StepMessage<'a, const D: usize> {
     step: &'a FluidStep<'a, D>,
-    points: Option<(Place, Range<usize>)>,
-    motion: Option<MotionPlaces>,
+    points: Option<(TableLayout, Range<usize>)>,
+    motion: Option<MotionLayout>,
     /// The end of all of them.
     end: usize,
     conditions: String,
@@ -31,11 +31,11 @@ impl<'a, const D: usize> StepMessage<'a, D> {
     /// A step; `conditions` is their text if they must travel, else empty.
     pub fn new(step: &'a FluidStep<'a, D>, conditions: String) -> Self {
         let points = step.immersed.map(|immersed| {
-            let place = Place::of(immersed.points, 0);
+            let place = TableLayout::of(immersed.points, 0);
             (place, place.end()..place.end() + immersed.voidage.len())
         });
         let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
-        let motion = step.motion.map(|motion| MotionPlaces::new(D, motion.points.len(), end));
+        let motion = step.motion.map(|motion| MotionLayout::new(D, motion.points.len(), end));
         let end = motion.as_ref().map_or(end, |places| places.velocity.end);
         Self { step, points, motion, end, conditions }
     }
@@ -78,11 +78,11 @@ impl<'a, const D: usize> StepMessage<'a, D> {
 }
 
 /// What a step brings; its numbers lie in the payload.
-pub struct StepParts<const D: usize> {
+pub struct StepLayout<const D: usize> {
     /// Point terms and voidage; absent without grains.
-    pub points: Option<(Place, Range<usize>)>,
+    pub points: Option<(TableLayout, Range<usize>)>,
     /// The motion of the mesh; absent while it stands still.
-    pub motion: Option<MotionPlaces>,
+    pub motion: Option<MotionLayout>,
     /// The conditions, if they are new.
     pub conditions: Option<Vec<Condition<D>>>,
 }
@@ -91,10 +91,10 @@ pub struct StepParts<const D: usize> {
 ///
 /// # Errors
 /// Columns do not fit, the conditions cannot be read.
-pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<StepParts<D>, PeerError> {
+pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<StepLayout<D>, PeerError> {
     let mut points = None;
     if header.immerses() {
-        let place = Place::read(header, (&POINTS, &POINT_SCALAR), D, 0)?;
+        let place = TableLayout::read(header, (&POINTS, &POINT_SCALAR), D, 0)?;
         let end = (place.end() as u64).saturating_add(header.nodes);
         if end > header.length {
             return wrong(format!("points and voidage up to {end} in {} numbers", header.length));
@@ -102,17 +102,17 @@ pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<Ste
         points = Some((place, place.end()..end as usize));
     }
     let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
-    let motion = MotionPlaces::of(header, D, end)?;
+    let motion = MotionLayout::of(header, D, end)?;
     let end = motion.as_ref().map_or(end, |places| places.velocity.end);
     let text = read_text(header, payload)?;
     if end + numbers_for_text(&text) > payload.len() {
         return wrong("columns and text of a step overlap".into());
     }
     if text.is_empty() {
-        return Ok(StepParts { points, motion, conditions: None });
+        return Ok(StepLayout { points, motion, conditions: None });
     }
     match serde_json::from_str(&text) {
-        Ok(conditions) => Ok(StepParts { points, motion, conditions: Some(conditions) }),
+        Ok(conditions) => Ok(StepLayout { points, motion, conditions: Some(conditions) }),
         Err(error) => wrong(format!("the conditions of a step: {error}")),
     }
 }
@@ -130,30 +130,30 @@ fn numbers_of_balance(dimension: usize, scalars: usize) -> usize {
 /// The answer of the fluid: fields, the balances of the parts of the boundary, and the report behind them.
 pub struct SolutionMessage<'a, const D: usize> {
     solution: &'a Solution<D>,
-    place: Place,
+    layout: TableLayout,
 }
 
 impl<'a, const D: usize> SolutionMessage<'a, D> {
     /// A solution.
     pub fn new(solution: &'a Solution<D>) -> Self {
-        Self { solution, place: Place::of(&solution.fields, 0) }
+        Self { solution, layout: TableLayout::of(&solution.fields, 0) }
     }
 
     /// Its header.
     pub fn header(&self) -> Header {
         let Solution { fields, balances, .. } = self.solution;
         let numbers = balances.len() * numbers_of_balance(D, fields.scalars.len());
-        let length = (self.place.end() + numbers + REPORT) as u64;
+        let length = (self.layout.end() + numbers + REPORT) as u64;
         let header = Header { parts: balances.len() as u64, length, ..Header::new(Kind::Solution) };
-        self.place.describe(fields.scalars(), header)
+        self.layout.describe(fields.scalars(), header)
     }
 
     /// Writes the payload.
     pub fn write(&self, payload: &mut [f64]) {
-        self.place.write(&self.solution.fields, payload);
+        self.layout.write(&self.solution.fields, payload);
         let balances = self.solution.balances.iter().flat_map(|balance| {
             let force = balance.force.iter().copied();
-            let scalars = balance.scalars.iter().chain(&balance.carried).copied();
+            let scalars = balance.scalars.iter().chain(&balance.convected).copied();
             std::iter::once(balance.flux).chain(force).chain(scalars)
         });
         let report = &self.solution.report;
@@ -166,7 +166,7 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
             report.flow_s,
         ];
         let numbers = balances.chain(report);
-        payload[self.place.end()..].iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
+        payload[self.layout.end()..].iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
     }
 }
 
@@ -197,12 +197,12 @@ pub fn read_solution<const D: usize>(
     };
     out.balances.clear();
     out.balances.extend(payload[place.end()..end].chunks_exact(width).map(|numbers| {
-        let (given, carried) = numbers[1 + D..].split_at(scalars);
+        let (given, convected) = numbers[1 + D..].split_at(scalars);
         Balance {
             flux: numbers[0],
             force: Vector::from_column_slice(&numbers[1..=D]),
             scalars: given.to_vec(),
-            carried: carried.to_vec(),
+            convected: convected.to_vec(),
         }
     }));
     out.report = Report {

@@ -1,6 +1,6 @@
 //! The frames between grains and a fluid solver in another process.
 //!
-//! A frame is a [`Header`] and a payload of 8-byte numbers: whole columns one after the other ([`Place`]), and a UTF-8
+//! A frame is a [`Header`] and a payload of 8-byte numbers: whole columns one after the other ([`TableLayout`]), and a UTF-8
 //! text packed in the last numbers. The grains ask, the fluid answers ([`Kind`]):
 //!
 //! ```text
@@ -26,10 +26,10 @@ mod tests;
 mod text;
 
 pub use columns::{
-    Column, Described, FIELD_SCALAR, FIELDS, POINT_SCALAR, POINTS, Place, Table, Values, ValuesMut,
+    Column, Described, FIELD_SCALAR, FIELDS, POINT_SCALAR, POINTS, Table, TableLayout, Values, ValuesMut,
 };
 pub use header::{ACCEPT, HEADER_BYTES, Header, IMMERSED, Kind, MAGIC, MOVES, VERSION};
 pub use mesh::{MeshMessage, StateMessage, read_mesh, read_state};
-pub use messages::{SolutionMessage, StepMessage, StepParts, read_solution, read_step};
-pub use motion::MotionPlaces;
+pub use messages::{SolutionMessage, StepLayout, StepMessage, read_solution, read_step};
+pub use motion::MotionLayout;
 pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

@@ -8,14 +8,14 @@ use voidage_fluid::{MeshMotion, Vector};
 
 /// Places in the payload of a step in which the mesh moves.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct MotionPlaces {
+pub struct MotionLayout {
     /// Places of the nodes at the end of the step, m.
     pub points: Range<usize>,
     /// Their velocities, m/s.
     pub velocity: Range<usize>,
 }
 
-impl MotionPlaces {
+impl MotionLayout {
     /// From `start` on: the motion of so many nodes.
     pub fn new(dimension: usize, nodes: usize, start: usize) -> Self {
         let middle = start + nodes * dimension;

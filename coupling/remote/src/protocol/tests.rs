@@ -128,7 +128,7 @@ fn a_solution_comes_back_as_it_was() {
         flux: k,
         force: Vector::<2>::new(k + 0.1, k + 0.2),
         scalars: vec![k + 0.3, k + 0.4],
-        carried: vec![k + 0.5, k + 0.6],
+        convected: vec![k + 0.5, k + 0.6],
     };
     let report =
         Report { flow_iterations: 7, residual: 1e-9, factored: true, flow_s: 0.2, ..Report::default() };

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use voidage_coupling::closure::HeatTransfer;
 use voidage_coupling::error::{Error, Notice, Result};
-use voidage_coupling::error::{Place, SceneError};
+use voidage_coupling::error::{Location, SceneError};
 
 impl Scene {
     /// Reads a scene, changes it by options `key=value`, fills in the defaults, and checks it.
@@ -27,7 +27,7 @@ impl Scene {
         let mut scene: Scene = fill(&document)
             .map_err(|fault| origin.error(&fault.path, fault.notice.what, fault.notice.help))?;
         for option in sets {
-            let place = Place::Set(option.clone());
+            let place = Location::Set(option.clone());
             let edit =
                 edit(&document, option).map_err(|(message, help)| origin.at(place.clone(), message, help))?;
             (scene, document) = match (fill(&edit.inserted), fill(&edit.replaced)) {
