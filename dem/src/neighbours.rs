@@ -38,8 +38,9 @@ pub(crate) struct Grid<const D: usize> {
     starts: Vec<u32>,
     /// Slot -> grain.
     pub grain_of: Vec<u32>,
-    /// Level whose cells tiles are made of, and cells along a tile.
+    /// Level whose cells tiles are made of, the largest radius of its grains, m, and cells along a tile.
     base: usize,
+    largest: f64,
     tile: i64,
     /// Tiles in the order of their colours (none: the one of the grains on levels above the base), and the first tile of
     /// each colour.
@@ -75,6 +76,7 @@ impl<const D: usize> Default for Grid<D> {
             starts: vec![],
             grain_of: vec![],
             base: 0,
+            largest: 0.0,
             tile: 3,
             tiles: vec![],
             colours: vec![],
@@ -127,6 +129,8 @@ impl<const D: usize> Grid<D> {
             self.grain_of[*s as usize] = i as u32;
         }
         self.base = self.choose_base();
+        let narrow = &self.grain_of[..self.first_wide()];
+        self.largest = narrow.iter().fold(0.0, |most: f64, &i| most.max(radius[i as usize]));
         self.cut_tiles(n);
         self.gather_wide(position, radius, reach);
     }
@@ -262,7 +266,7 @@ impl<const D: usize> Grid<D> {
             let share = ((x - points[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
             (x - points[0] - along * share).norm()
         };
-        let grow = radii * 0.5 * width + range;
+        let grow = radii * self.largest + range;
         let [low, high] = [
             points[0].inf(&points[1]) - Vector::<D>::repeat(grow),
             points[0].sup(&points[1]) + Vector::<D>::repeat(grow),

@@ -54,10 +54,17 @@ def test_solvers_agree_to_round_off(program, tmp_path, scene, at):
     assert max(float(row["relative_max_difference"]) for row in rows) < 1e-9
 
 
-@pytest.mark.parametrize("form", ["lumped", "monotone"])
-def test_other_forms_of_heat_are_the_same_in_all_solvers(program, tmp_path, form):
+@pytest.mark.parametrize(
+    "change",
+    [
+        "fluid.heat.form=lumped",
+        "fluid.heat.form=monotone",
+        "fluid.solver.drag_in_stabilisation=true",
+    ],
+)
+def test_other_forms_of_the_equations_are_the_same_in_all_solvers(program, tmp_path, change):
     bed = ROOT / "tests" / "cases" / "bed.toml"
-    options = ("--set", f"fluid.heat.form={form}", "--at", "1,20", "--steps", "0")
+    options = ("--set", change, "--at", "1,20", "--steps", "0")
     done, _ = compare(program, bed, tmp_path / "out", *options)
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -1,31 +1,20 @@
-"""What the conditions on the boundary hold, node by node, and what passes its parts."""
-
-from collections.abc import Callable, Iterator, Sequence
+"""What the conditions on the boundary hold at the nodes, their terms, and what passes its parts."""
 
 import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from .cells import Cells
-from .solver import (
-    Balance,
-    Condition,
-    Fields,
-    Floats,
-    Integers,
-    NoSlip,
-    Open,
-    Outflow,
-    Problem,
-    Slip,
-    Step,
-    SuperficialVelocity,
-    Transfer,
-    Value,
-    Velocity,
-)
+from . import solver as data
+from .cells import Places, Terms
+from .solver import Balance, Fields, Floats, Integers, Problem, Step
 
 SAME_NORMAL = 0.866  # cos 30 degrees: normals closer than that are those of one smooth boundary
 ALIKE = 1e-9
 """Walls whose normals differ by less, relative to their length, are one in the sum of forces."""
+
+Held = tuple[Floats, Floats]
+"""Projectors on what the c unknowns of every node are free to be, (n, c, c), and their values where
+they are not, zero elsewhere, (n, c)."""
 
 
 def area_vectors(points: Floats, facets: Integers) -> Floats:
@@ -47,283 +36,203 @@ def facet_rule(dimension: int) -> tuple[Floats, Floats]:
     return np.array(shape), np.repeat((0.223381589678011, 0.109951743655322), 3)
 
 
-class Part:
-    """Integrals over a part of the boundary: f counts its facets, r the points of the rule."""
+class Boundary(Places):
+    """The boundary in a step: its places are the points of a rule on the facets, part by part in
+    the order of the conditions. What is integrated is given times the weight of each place.
 
-    def __init__(self, problem: Problem, name: str):
-        self.facets = problem.boundaries[name]
-        self.area = area_vectors(problem.points, self.facets)
-        self.shape, self.share = facet_rule(problem.dimension)
-        self.measure = np.outer(np.linalg.norm(self.area, axis=1), np.ones(len(self.share)))
-        """Of the facet, at every point of the rule, (f, r)."""
-
-    def at(self, nodal: Floats) -> Floats:
-        """Nodal values at the points, (f, r, ..)."""
-        return np.einsum("ra,fa...->fr...", self.shape, nodal[self.facets])
-
-    def through(self, nodal: Floats) -> Floats:
-        """What passes outward with nodal velocities, times the measure of the facet, (f, r)."""
-        return np.einsum("fri,fi->fr", self.at(nodal), self.area)
-
-    def entering(self, step: Step, wind: Floats) -> Floats:
-        """-eps min(wind . n, 0) times the measure of the facet, of nodal u_n - u_mesh, (f, r)."""
-        return -self.at(step.voidage) * np.minimum(self.through(wind), 0)
-
-    def total(self, values: Floats) -> float:
-        """Integral of values times the measure of the facet, (f, r)."""
-        return float(np.einsum("r,fr->", self.share, values))
-
-    def loads(self, values: Floats) -> Floats:
-        """The same times each shape function, facet by facet, (f, D)."""
-        return np.einsum("r,fr,ra->fa", self.share, values, self.shape)
-
-    def pairs(self, values: Floats) -> Floats:
-        """The same times each pair of shape functions, (f, D, D)."""
-        return np.einsum("r,fr,ra,rb->fab", self.share, values, self.shape, self.shape)
-
-
-def is_closed(conditions: Sequence[Condition]) -> bool:
-    """Whether no boundary is open: nothing then sets the level of the pressure."""
-    return not any(isinstance(condition.flow, Open) for condition in conditions)
-
-
-def passing(problem: Problem, condition: Condition, step: Step) -> tuple[Floats, Floats]:
-    """What the scene lets pass a part that is not open: a share, (n), of a velocity, (n, D), m/s.
-
-    The share is the voidage for a velocity of the fluid, one for that of the whole mixture. The
-    velocity is that of the condition of the part, not of its nodes, which at the end of a part
-    belong to a neighbour: so the flux depends neither on the mesh nor on the order of the
+    What passes a part that is not open is that of its condition, not of its nodes, which at the end
+    of a part belong to a neighbour: so it depends neither on the mesh nor on the order of the
     conditions. Of a moving wall the solid moves on as well as the fluid.
     """
-    everything, shape = np.ones_like(step.voidage), problem.points.shape
-    match condition.flow:
-        case Velocity(value):
-            return step.voidage, np.broadcast_to(value, shape)
-        case SuperficialVelocity(value):
-            return everything, np.broadcast_to(value, shape)
-    return everything, np.zeros(shape) if step.motion is None else step.motion.velocity
 
+    def __init__(self, problem: Problem, step: Step, wind: Floats):
+        self.problem, self.step = problem, step
+        parts = [problem.boundaries[each.boundary] for each in step.conditions]
+        facets, (shape, weight) = np.concatenate(parts), facet_rule(problem.dimension)
+        nodes, shapes = facets.repeat(len(weight), axis=0), np.tile(shape, (len(facets), 1))
+        super().__init__(nodes, shapes, len(problem.points))
+        part = np.repeat(np.arange(len(parts)), [len(each) for each in parts])
+        area = area_vectors(problem.points, facets)
+        self.part, self.area = part.repeat(len(weight)), np.kron(area, weight[:, None])
+        """Number of the condition, (q), and outward normal, (q, D)."""
+        self.measure = np.linalg.norm(self.area, axis=1)
+        self.voidage = self.at(step.voidage)
+        self.entering = -self.voidage * np.minimum(self.through(wind), 0)
+        """-eps min(wind . n, 0), ``wind`` is u_n - u_mesh at the nodes, (q)."""
+        self.open, self.pressure, self.known, self.gross = np.zeros((4, len(nodes)))
+        """One where open, and the pressure there; the volume that leaves elsewhere, and would if
+        all went along the normal, (q) each."""
+        self.last, self.fixed = np.full(self.count, -1), np.zeros_like(wind)
+        """Number of the last part that fixes the velocity of a node, -1 if none does, (n), and the
+        velocity, m/s, (n, D)."""
+        for number, condition in enumerate(step.conditions):
+            self._take(condition.flow, number, self.part == number)
+        self.closed = not self.open.any()
+        """Nothing then sets the level of the pressure."""
+        self.walls: dict[int, list[tuple[int, Floats]]] = {}
+        """Of nodes that slide along walls the number of the part and normal times measure, facet by
+        facet."""
+        for number, around, normal in zip(part.tolist(), facets, area, strict=True):
+            if isinstance(step.conditions[number].flow, data.Slip):
+                for node in around[self.last[around] < 0].tolist():
+                    self.walls.setdefault(node, []).append((number, normal))
 
-def _last(
-    problem: Problem, conditions: Sequence[Condition], holds: Callable[[Condition], bool]
-) -> Integers:
-    """Number of the last condition at every node that ``holds``, -1 if there is none, (n)."""
-    last = np.full(len(problem.points), -1)
-    for k, condition in enumerate(conditions):
-        if holds(condition):
-            last[problem.boundaries[condition.boundary]] = k
-    return last
+    def through(self, nodal: Floats) -> Floats:
+        """What passes outward with nodal velocities, (q)."""
+        return np.einsum("qi,qi->q", self.at(nodal), self.area)
 
+    def _take(self, flow: data.Flow, number: int, here: NDArray[np.bool_]) -> None:
+        """Takes the condition of the velocity of a part; a later one wins at shared nodes."""
+        share, still = 1.0, np.zeros_like(self.fixed)
+        velocity = fixed = self.step.motion.velocity
+        match flow:
+            case data.Open(pressure):
+                self.open[here], self.pressure[here] = 1, pressure
+                return
+            case data.Velocity(value):
+                share, velocity = self.voidage, still + value
+                fixed = velocity
+            case data.SuperficialVelocity(value):
+                velocity = still + value
+                fixed = velocity / self.step.voidage[:, None]
+        if not isinstance(flow, data.Slip):
+            nodes = self.nodes[here]
+            self.last[nodes], self.fixed[nodes] = number, fixed[nodes]
+        self.known[here] = (share * self.through(velocity))[here]
+        self.gross[here] = (share * np.linalg.norm(self.at(velocity), axis=1) * self.measure)[here]
 
-def _fixes(condition: Condition) -> bool:
-    return isinstance(condition.flow, Velocity | SuperficialVelocity | NoSlip)
+    def _scalar(self, k: int) -> tuple[Floats, Floats, Integers, Floats]:
+        """h and outside of the flux h (outside - s) into the fluid of scalar k, (q) each; number of
+        the last part that prescribes it at a node, -1 if none does, and its value, (n) each."""
+        (h, outside), last = np.zeros((2, len(self.part))), np.full(self.count, -1)
+        value = np.zeros(self.count)
+        for number, condition in enumerate(self.step.conditions):
+            here = self.part == number
+            match condition.scalar(k):
+                case data.Value(given):
+                    nodes = self.nodes[here]
+                    last[nodes], value[nodes] = number, np.broadcast_to(given, self.count)[nodes]
+                case data.Transfer(coefficient, beyond):
+                    h[here], outside[here] = coefficient * self.measure[here], beyond
+                case data.Outflow(beyond) if beyond is not None:
+                    capacity = self.problem.scalars[k].capacity
+                    h[here], outside[here] = capacity * self.entering[here], beyond
+        return h, outside, last, value
 
+    def _pairs(self, values: Floats, row: int = 0, column: int = 0, of: int = 1) -> sp.csr_array:
+        """Sums of values, (q), times the shape functions of two of the unknowns of a node."""
+        trial = self.rows(values[:, None] * self.shape, column, of)
+        return self.rows(self.shape, row, of).T @ trial
 
-def _prescribes(k: int) -> Callable[[Condition], bool]:
-    return lambda condition: isinstance(condition.scalar(k), Value)
-
-
-def hold_velocity(problem: Problem, step: Step) -> tuple[Floats, Floats]:
-    """Projectors on the velocities that the nodes are free to have, (n, D, D), and the velocity
-    where it is fixed, that of the wall where there is slip, zero elsewhere, m/s, (n, D).
-
-    A later prescribed velocity wins at shared nodes, and any over slip. At a node with slip,
-    normals within 30 degrees are averaged; a sharper corner holds each.
-    """
-    count, dimension = problem.points.shape
-    free, value = np.tile(np.eye(dimension), (count, 1, 1)), np.zeros((count, dimension))
-    free[_last(problem, step.conditions, _fixes) >= 0] = 0
-    normals: dict[int, list[Floats]] = {}
-    for condition in filter(_fixes, step.conditions):
-        nodes = problem.boundaries[condition.boundary]
-        _, velocity = passing(problem, condition, step)
-        if isinstance(condition.flow, SuperficialVelocity):
-            velocity = velocity / step.voidage[:, None]
-        value[nodes] = velocity[nodes]
-    for node, _, area in _sliding(problem, step):
-        _add_normal(normals.setdefault(node, []), area)
-    for node, directions in normals.items():
-        unit = np.array([direction / np.linalg.norm(direction) for direction in directions])
-        free[node] -= np.linalg.pinv(unit, 1e-6) @ unit
-        if step.motion is not None:
-            value[node] = step.motion.velocity[node]
-    return free, value
-
-
-def _sliding(problem: Problem, step: Step) -> Iterator[tuple[int, int, Floats]]:
-    """Nodes that slide along walls, with the number of the condition and the normal times measure,
-    facet by facet."""
-    fixed = _last(problem, step.conditions, _fixes) >= 0
-    for number, condition in enumerate(step.conditions):
-        if isinstance(condition.flow, Slip):
-            facets = problem.boundaries[condition.boundary]
-            for nodes, area in zip(facets, area_vectors(problem.points, facets), strict=True):
-                for node in nodes[~fixed[nodes]].tolist():
-                    yield node, number, area
-
-
-def _add_normal(normals: list[Floats], area: Floats) -> None:
-    for k, other in enumerate(normals):
-        cosine = other @ area / (np.linalg.norm(other) * np.linalg.norm(area))
-        if abs(cosine) > SAME_NORMAL:
-            normals[k] = other + np.sign(cosine) * area
-            return
-    normals.append(area)
-
-
-def hold_flow(problem: Problem, cells: Cells, step: Step) -> tuple[Floats, Floats, float]:
-    """Projectors on the free unknowns of every node, the values of the others, a source of mass.
-
-    The unknowns are (u, p): (n, D + 1, D + 1) and (n, D + 1). In a closed domain one pressure is
-    held; the caller moves the mean to zero. The equation that falls away must follow from the
-    others: what sums of prescribed fluxes and sources lack to balance, round-off and the error of
-    sums for integrals, is spread evenly over the domain, as by a Lagrange multiplier of the mean
-    pressure. That is the source, 1/s.
-    """
-    count, dimension = problem.points.shape
-    free, spread = np.tile(np.eye(dimension + 1), (count, 1, 1)), 0.0
-    free[:, :dimension, :dimension], value = hold_velocity(problem, step)
-    if is_closed(step.conditions):
-        free[0, dimension, dimension] = 0
-        given = 0.0 if step.sources is None else cells.nodal_volume @ step.sources.mass
-        spread = (net_flux(problem, step) - given) / cells.volume
-    return free, np.pad(value, ((0, 0), (0, 1))), spread
-
-
-def hold_scalar(
-    problem: Problem, conditions: Sequence[Condition], k: int
-) -> tuple[Floats, Floats]:
-    """The same for scalar k, (n, 1, 1) and (n, 1); the later condition wins."""
-    count = len(problem.points)
-    free, value = np.ones((count, 1, 1)), np.zeros((count, 1))
-    for condition in conditions:
-        match condition.scalar(k):
-            case Value(given):
-                nodes = problem.boundaries[condition.boundary]
-                free[nodes] = 0
-                value[nodes, 0] = np.broadcast_to(given, count)[nodes]
-    return free, value
-
-
-def net_flux(problem: Problem, step: Step) -> float:
-    """What the velocities prescribed all around let out, and walls push out, less what they let in.
-
-    Raises ``ValueError`` if that is more than round-off.
-    """
-    net = gross = 0.0
-    for condition in step.conditions:
-        part = Part(problem, condition.boundary)
-        share, velocity = passing(problem, condition, step)
-        net += part.total(part.at(share) * part.through(velocity))
-        speed = np.linalg.norm(part.at(velocity), axis=2)
-        gross += part.total(part.measure * part.at(share) * speed)
-    if abs(net) > 1e-9 * gross:
-        raise ValueError(
-            f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out "
-            "than in; open one"
-        )
-    return net
-
-
-def flow_terms(
-    problem: Problem, condition: Condition, step: Step, wind: Floats
-) -> tuple[Integers, Floats, Floats]:
-    """Terms of a part in momentum and mass: its facets, matrices (f, D, D + 1, D, D + 1) and
-    right-hand sides (f, D, D + 1).
-
-    <<eps u . n, q>>, and if open <<p_out n, v>> - <<eps rho min(wind . n, 0) u, v>>, where ``wind``
-    is u_n - u_mesh. What passes a part that is not open is known.
-    """
-    part, D = Part(problem, condition.boundary), problem.dimension
-    rhs = np.zeros((len(part.facets), D, D + 1))
-    matrix = np.zeros((*rhs.shape, D, D + 1))
-    if isinstance(condition.flow, Open):
-        passes = part.pairs(part.at(step.voidage))
-        matrix[:, :, D, :, :D] = np.einsum("fab,fi->fabi", passes, part.area)
-        taken = part.pairs(problem.density * part.entering(step, wind))
+    def flow_terms(self) -> Terms:
+        """<<eps u . n, q>>, and where open <<p_out n, v>> - <<eps rho min(wind . n, 0) u, v>>. What
+        passes elsewhere is known."""
+        D = self.problem.dimension
+        matrix, rhs = self.nothing(D + 1)
+        rhs -= self.rows(self.shape, D, D + 1).T @ self.known
         for i in range(D):
-            matrix[:, :, i, :, i] = taken
-        rhs[:, :, :D] = -condition.flow.pressure / D * part.area[:, None]
-    else:
-        share, velocity = passing(problem, condition, step)
-        rhs[:, :, D] = -part.loads(part.at(share) * part.through(velocity))
-    return part.facets, matrix, rhs
+            matrix += self._pairs(self.open * self.voidage * self.area[:, i], D, i, D + 1)
+            matrix += self._pairs(self.open * self.problem.density * self.entering, i, i, D + 1)
+            rhs -= self.rows(self.shape, i, D + 1).T @ (self.pressure * self.area[:, i])
+        return matrix, rhs
+
+    def scalar_terms(self, k: int) -> Terms:
+        """<<h (s - outside), S>> in the equation of scalar k."""
+        h, outside, *_ = self._scalar(k)
+        return self._pairs(h), self.rows(self.shape).T @ (h * outside)
+
+    def hold_scalar(self, k: int) -> Held:
+        """What is held of scalar k."""
+        *_, last, value = self._scalar(k)
+        return np.where(last < 0, 1.0, 0.0)[:, None, None], value[:, None]
+
+    def hold_flow(self) -> Held:
+        """What is held of (u, p). A prescribed velocity wins over slip, whose value is the velocity
+        of the wall. Normals at a node within 30 degrees are averaged; a sharper corner holds each.
+        In a closed domain one pressure is held."""
+        D = self.problem.dimension
+        free = np.tile(np.eye(D + 1), (self.count, 1, 1))
+        value = np.column_stack((self.fixed, np.zeros(self.count)))
+        free[self.last >= 0, :D] = 0
+        for node, facets in self.walls.items():
+            normals = _smooth([area for _, area in facets])
+            free[node, :D, :D] -= np.linalg.pinv(normals, 1e-6) @ normals
+            value[node, :D] = self.step.motion.velocity[node]
+        free[0, D, D] = not self.closed
+        return free, value
+
+    def net_flux(self) -> float:
+        """What the velocities prescribed all around let out, and walls push out, less what they let
+        in, 1/s. Raises ``ValueError`` if that is more than round-off."""
+        net = float(self.known.sum())
+        if abs(net) > 1e-9 * self.gross.sum():
+            raise ValueError(
+                f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out "
+                "than in; open one"
+            )
+        return net
+
+    def balances(
+        self, new: Fields, residual: Floats, scalar_residuals: list[Floats]
+    ) -> dict[str, Balance]:
+        """What passes the parts of the boundary, from the discrete equations themselves.
+
+        ``residual`` is A x - b of momentum, (n, D), and of each scalar, (n), with all boundary
+        integrals, before conditions take the place of equations: what holds a node gives it to the
+        fluid. Elsewhere what passes are the integrals that were assembled. So the sums over the
+        parts close to what the linear solver leaves.
+        """
+        flux = self.known + self.open * self.voidage * self.through(new.velocity)
+        taken = self.open * self.problem.density * self.entering
+        force = taken[:, None] * self.at(new.velocity) + self.pressure[:, None] * self.area
+        kinds = [isinstance(each.flow, data.NoSlip | data.Slip) for each in self.step.conditions]
+        carrying = np.where(np.array(kinds)[self.part], 0.0, flux)  # a wall carries nothing away
+        fluxes, given, convected = self._sums(flux, self.part), [], []
+        forces = self._sums(force, self.part) + self._holding_forces(residual)
+        for k, scalar in enumerate(self.problem.scalars):
+            (h, outside, last, _), s = self._scalar(k), self.at(new.scalars[k])
+            held = self._sums(scalar_residuals[k], last)
+            given.append(held + self._sums(h * (outside - s), self.part))
+            convected.append(self._sums(scalar.capacity * s * carrying, self.part))
+        found = {}
+        for number, condition in enumerate(self.step.conditions):
+            scalars = (tuple(float(each[number]) for each in kind) for kind in (given, convected))
+            found[condition.boundary] = Balance(float(fluxes[number]), forces[number], *scalars)
+        return found
+
+    def _sums(self, values: Floats, part: Integers) -> Floats:
+        """Sums over what belongs to each part, in the order of the conditions."""
+        return np.array([values[part == k].sum(axis=0) for k in range(len(self.step.conditions))])
+
+    def _holding_forces(self, residual: Floats) -> Floats:
+        """Forces of the fluid on the conditions that hold nodes, (number of them, D).
+
+        That of a node goes to the last condition that fixes it, else to the one along whose wall it
+        slides; of a corner between several it is resolved into their normals, by least squares.
+        """
+        forces = -self._sums(residual, self.last)
+        for node, facets in self.walls.items():
+            walls: dict[int, Floats] = {}
+            for number, area in facets:
+                walls[number] = walls.get(number, 0) + area
+            numbers, normals = list(walls), np.array(list(walls.values())).T
+            if len(numbers) == 1:
+                forces[numbers] -= residual[node]
+                continue
+            along = np.linalg.lstsq(normals, residual[node], rcond=ALIKE)[0]
+            forces[numbers] -= (along * normals).T
+        return forces
 
 
-def scalar_terms(
-    problem: Problem, condition: Condition, step: Step, wind: Floats, k: int
-) -> tuple[Integers, Floats, Floats]:
-    """Terms <<h (s - outside), S>> of a part in the equation of scalar k: its facets, matrices
-    (f, D, D) and right-hand sides (f, D)."""
-    part = Part(problem, condition.boundary)
-    match condition.scalar(k):
-        case Transfer(coefficient, outside):
-            h = coefficient * part.measure
-        case Outflow(outside) if outside is not None:
-            h = problem.scalars[k].capacity * part.entering(step, wind)
-        case _:
-            h, outside = 0 * part.measure, 0.0
-    return part.facets, part.pairs(h), outside * part.loads(h)
-
-
-def balances(
-    problem: Problem,
-    step: Step,
-    old: Fields,
-    new: Fields,
-    residual: Floats,
-    scalar_residuals: Sequence[Floats],
-) -> dict[str, Balance]:
-    """What passes the parts of the boundary, from the discrete equations themselves.
-
-    ``residual`` is A x - b of momentum, (n, D), and of each scalar, (n), with all boundary
-    integrals, before conditions take the place of equations: what holds a node gives it to the
-    fluid. Elsewhere what passes are the integrals that were assembled. So the sums over the parts
-    close to what the linear solver leaves.
-    """
-    forces = _holding_forces(problem, step, residual)
-    last = [_last(problem, step.conditions, _prescribes(k)) for k in range(len(problem.scalars))]
-    wind = old.velocity - (0 if step.motion is None else step.motion.velocity)
-    unknown, found = np.column_stack((new.velocity, new.pressure)), {}
-    for number, condition in enumerate(step.conditions):
-        part = Part(problem, condition.boundary)
-        facets, matrix, rhs = flow_terms(problem, condition, step, wind)
-        passed = np.einsum("faibj,fbj->i", matrix, unknown[facets]) - rhs.sum(axis=(0, 1))
-        share, velocity = passing(problem, condition, step)
-        if isinstance(condition.flow, Open):
-            share, velocity = step.voidage, new.velocity
-        elif isinstance(condition.flow, NoSlip | Slip):
-            share = np.zeros_like(share)  # a wall carries nothing away
-        flux, given, convected = part.at(share) * part.through(velocity), [], []
-        for k, (scalar, s) in enumerate(zip(problem.scalars, new.scalars, strict=True)):
-            _, matrix, rhs = scalar_terms(problem, condition, step, wind, k)
-            held = scalar_residuals[k][last[k] == number].sum()
-            given.append(float(held + rhs.sum() - np.einsum("fab,fb->", matrix, s[facets])))
-            convected.append(part.total(scalar.capacity * part.at(s) * flux))
-        force = forces[number] + passed[:-1]
-        total = float(passed[-1])
-        found[condition.boundary] = Balance(total, force, tuple(given), tuple(convected))
-    return found
-
-
-def _holding_forces(problem: Problem, step: Step, residual: Floats) -> Floats:
-    """Forces of the fluid on the conditions that hold nodes, (number of them, D).
-
-    That of a node goes to the last condition that fixes it, else to the one along whose wall it
-    slides; of a corner between several it is resolved into their normals, by least squares.
-    """
-    fixed = _last(problem, step.conditions, _fixes)
-    forces = np.zeros((len(step.conditions), problem.dimension))
-    np.subtract.at(forces, fixed[fixed >= 0], residual[fixed >= 0])
-    walls: dict[int, dict[int, Floats]] = {}
-    for node, number, area in _sliding(problem, step):
-        areas = walls.setdefault(node, {})
-        areas[number] = areas.get(number, 0) + area
-    for node, areas in walls.items():
-        numbers, normals = list(areas), np.array(list(areas.values())).T
-        if len(numbers) == 1:
-            forces[numbers] -= residual[node]
-            continue
-        along = np.linalg.lstsq(normals, residual[node], rcond=ALIKE)[0]
-        forces[numbers] -= (along * normals).T
-    return forces
+def _smooth(areas: list[Floats]) -> Floats:
+    """Unit normals of the smooth walls that facets with these area vectors belong to, (k, D)."""
+    normals: list[Floats] = []
+    for area in areas:
+        for k, other in enumerate(normals):
+            cosine = other @ area / (np.linalg.norm(other) * np.linalg.norm(area))
+            if abs(cosine) > SAME_NORMAL:
+                normals[k] = other + np.sign(cosine) * area
+                break
+        else:
+            normals.append(area)
+    return np.array([normal / np.linalg.norm(normal) for normal in normals])

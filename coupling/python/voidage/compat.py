@@ -7,7 +7,7 @@ import inspect
 
 import numpy as np
 import ufl
-from dolfinx import cpp, fem, mesh
+from dolfinx import fem, mesh
 
 from .solver import Floats, Integers
 
@@ -42,17 +42,3 @@ def space(domain, family: str, degree: int, components: int = 0):
 def table(adjacency, cells: int) -> Integers:
     """Dofs or nodes of every local cell: an adjacency list until 0.6, an array later."""
     return np.asarray(getattr(adjacency, "array", adjacency)).reshape(cells, -1)
-
-
-def boundary_facets(domain) -> tuple[Integers, Integers]:
-    """Facets on the boundary that this rank knows, and their geometry nodes, (f, D)."""
-    dimension = domain.topology.dim
-    domain.topology.create_connectivity(dimension - 1, dimension)
-    domain.topology.create_connectivity(dimension - 1, 0)
-    facets = mesh.exterior_facet_indices(domain.topology)
-    if hasattr(mesh, "entities_to_geometry"):
-        return facets, mesh.entities_to_geometry(domain, dimension - 1, facets)
-    wrapped = (
-        domain._cpp_object if hasattr(domain, "_cpp_object") else domain._mesh
-    )  # until 0.7, until 0.5
-    return facets, cpp.mesh.entities_to_geometry(wrapped, dimension - 1, facets, False)

@@ -4,36 +4,27 @@ Every rank is given the whole problem and gets the whole solution; mesh, matrice
 divided among them.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 import petsc4py
+import scipy.sparse as sp
 
 petsc4py.init(["voidage", "-no_signal_handler"])  # else PETSc turns a closed pipe into MPI_Abort
 
 import ufl  # noqa: E402
-from dolfinx import fem, mesh  # noqa: E402
+from dolfinx import fem  # noqa: E402
 from dolfinx.fem import petsc  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
 
 from . import compat  # noqa: E402
-from .finite_elements import NEARLY_SINGULAR  # noqa: E402
+from .finite_elements import NEARLY_SINGULAR, Beside  # noqa: E402
 from .solver import Floats, Integers, Problem, Report  # noqa: E402
 
 ATTEMPTS = 3
 """Iterations from the true residual of the last one, at most."""
 
 
-class Blocks(NamedTuple):
-    """Matrices and right-hand sides of cells."""
-
-    cells: Integers
-    matrix: Floats
-    rhs: Floats
-
-
 class Layout:
-    """Where nodes, cells and boundaries of the problem lie in the mesh of this rank."""
+    """Where nodes and cells of the problem lie in the mesh of this rank."""
 
     def __init__(self, domain, problem: Problem):
         self.domain, self.problem = domain, problem
@@ -45,48 +36,17 @@ class Layout:
         self.node = np.empty(dofs.max() + 1, dtype=int)
         """Node of the problem at every dof, the owned ones first."""
         self.node[dofs] = self.geometry_node[compat.table(domain.geometry.dofmap, local)]
-        self.dof = np.full(len(problem.points), -1, dtype=PETSc.IntType)
-        self.dof[self.node] = np.arange(len(self.node))
         self.cell = np.asarray(domain.topology.original_cell_index)[:local]
         """Cell of the problem at every cell, the owned ones first."""
-        self.owned_cell = np.zeros(len(problem.cells), dtype=bool)
-        self.owned_cell[self.cell[: cells.size_local]] = True
         self.nodes = self.space.dofmap.index_map
         self.owned_node = self.node[: self.nodes.size_local]
+        numbers = np.arange(*self.nodes.local_range, dtype=float)
+        self.number = self.gather(numbers[:, None])[:, 0].astype(PETSc.IntType)
+        """Number of every node of the problem among the dofs of all ranks."""
 
     def move(self, points: Floats) -> None:
         """Puts the nodes of the mesh elsewhere."""
         self.domain.geometry.x[:, : points.shape[1]] = points[self.geometry_node]
-
-    def nodal(self, components: int = 0) -> fem.Function:
-        """A P1 field, of vectors with some components if there are any."""
-        space = compat.space(self.domain, "Lagrange", 1, components) if components else self.space
-        return fem.Function(space)
-
-    def cellwise(self, components: int = 0) -> fem.Function:
-        """A field constant in every cell."""
-        return fem.Function(compat.space(self.domain, "DG", 0, components))
-
-    def fill(self, field: fem.Function, values: Floats) -> None:
-        """Takes the values of all nodes of the problem."""
-        field.x.array[:] = values[self.node].ravel()
-
-    def fill_cells(self, field: fem.Function, values: Floats) -> None:
-        """Takes the values of all cells of the problem."""
-        field.x.array[:] = values[self.cell].ravel()
-
-    def facet_tags(self, problem: Problem):
-        """The facets of every named part, by its number."""
-        number = {
-            tuple(facet): k
-            for k, facets in enumerate(problem.boundaries.values())
-            for facet in np.sort(facets, axis=1).tolist()
-        }
-        facets, nodes = compat.boundary_facets(self.domain)
-        nodes = np.sort(self.geometry_node[nodes.reshape(len(facets), problem.dimension)], axis=1)
-        values = np.array([number[tuple(facet)] for facet in nodes.tolist()], dtype=np.int32)
-        order = np.argsort(facets)
-        return mesh.meshtags(self.domain, problem.dimension - 1, facets[order], values[order])
 
     def gather(self, owned: Floats) -> Floats:
         """All nodal values, of the values at the nodes that the ranks own."""
@@ -95,8 +55,35 @@ class Layout:
         return self.domain.comm.allreduce(everything)
 
 
+class Coefficients:
+    """Known fields of the forms of an equation, by name."""
+
+    def __init__(self, layout: Layout):
+        self.layout, self.fields = layout, {}
+
+    def nodal(self, *names: str, components: int = 0) -> list[fem.Function]:
+        """P1 fields, of vectors with some components if there are any."""
+        return self._make(names, "Lagrange", 1, components, self.layout.node)
+
+    def cellwise(self, *names: str, components: int = 0) -> list[fem.Function]:
+        """Fields constant in every cell."""
+        return self._make(names, "DG", 0, components, self.layout.cell)
+
+    def _make(self, names, family: str, degree: int, components: int, place: Integers):
+        space = compat.space(self.layout.domain, family, degree, components)
+        made = [fem.Function(space) for _ in names]
+        self.fields |= {name: (field, place) for name, field in zip(names, made, strict=True)}
+        return made
+
+    def fill(self, **values: Floats) -> None:
+        """Takes the values of all nodes or cells of the problem."""
+        for name, of_all in values.items():
+            field, place = self.fields[name]
+            field.x.array[:] = of_all[place].ravel()
+
+
 class Linear:
-    """A linear system: its forms, the matrices of the points, the held unknowns, and the solver."""
+    """A linear system: its forms, the terms beside them, the held unknowns, and the solver."""
 
     def __init__(
         self,
@@ -112,17 +99,16 @@ class Linear:
         self.rhs = petsc.assemble_vector(self.rhs_form)  # the vector; its values come later
         self.components = self.rhs.block_size
 
-    def solve(
-        self, blocks: Blocks, free: Floats, value: Floats, report: Report
-    ) -> tuple[Floats, Floats, float]:
-        """Solves where the nodes are ``free`` (a projector each, :mod:`voidage.boundary`).
+    def solve(self, beside: Beside, report: Report) -> tuple[Floats, Floats]:
+        """Solves where the nodes are free; returns x and A x - b, one row per node.
 
-        The rest is ``value``: the conditions take the place of the equations that fall away, scaled
-        as the diagonal that they had. Returns x and A x - b without them, one row per node, and the
-        residual of what was solved relative to the right-hand side, both scaled to a unit diagonal.
+        The conditions take the place of the equations that fall away, scaled as the diagonal that
+        they had. The residual of what was solved, reported relative to the right-hand side, is that
+        of the system scaled to a unit diagonal.
         """
-        self._assemble(blocks)
-        A, b = self._hold(free[self.layout.owned_node], value[self.layout.owned_node])
+        self._assemble(beside)
+        owned = self.layout.owned_node
+        A, b = self._hold(beside.free[owned], beside.value[owned])
         unit = A.getDiagonal()
         unit.sqrtabs()
         unit.reciprocal()
@@ -146,10 +132,11 @@ class Linear:
         left = self.matrix * x - self.rhs
         found = (self.layout.gather(each.array.reshape(-1, self.components)) for each in (x, left))
         solution, unheld = found
+        report.residual = residual
         PETSc.garbage_cleanup(A.comm)  # with several ranks nothing is freed before
-        return solution, unheld, residual
+        return solution, unheld
 
-    def _assemble(self, blocks: Blocks) -> None:
+    def _assemble(self, beside: Beside) -> None:
         A, b = self.matrix, self.rhs
         A.zeroEntries()
         petsc.assemble_matrix(A, self.matrix_form)
@@ -157,22 +144,22 @@ class Linear:
         with b.localForm() as local:
             local.set(0)
         petsc.assemble_vector(b, self.rhs_form)
-        self._add(blocks)
+        b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        self._add(beside)
         A.assemble()
         if self.monotone:
             self._upwind()
-        b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
 
-    def _add(self, blocks: Blocks) -> None:
-        mine = self.layout.owned_cell[blocks.cells]
-        if not mine.any():  # petsc4py divides by their number
-            return
-        dofs = self.layout.dof[self.layout.problem.cells[blocks.cells[mine]]]
-        dense = blocks.matrix[mine].reshape(len(dofs), -1)
-        self.matrix.setValuesBlockedLocalRCV(dofs, dofs, dense, PETSc.InsertMode.ADD_VALUES)
-        unknowns = (self.components * dofs[:, :, None] + np.arange(self.components)).ravel()
-        with self.rhs.localForm() as local:
-            local.array += np.bincount(unknowns, blocks.rhs[mine].ravel(), local.size)
+    def _add(self, beside: Beside) -> None:
+        """Adds the terms beside the forms in the rows that this rank owns."""
+        node, component = self.layout.owned_node[:, None], np.arange(self.components)
+        owned = (self.components * node + component).ravel()
+        rows = sp.csr_array(beside.matrix)[owned]
+        node, component = np.divmod(rows.indices, self.components)
+        columns = self.components * self.layout.number[node] + component
+        csr = rows.indptr, columns, rows.data
+        self.matrix.setValuesCSR(*csr, PETSc.InsertMode.ADD_VALUES)
+        self.rhs.array += beside.rhs[owned]
 
     def _upwind(self) -> None:
         """Moves max(a_ij, a_ji, 0) from the entries ij and ji to the diagonal of i and j."""

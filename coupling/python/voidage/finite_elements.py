@@ -1,4 +1,4 @@
-"""What solvers by finite elements share: the order of a step, the coefficients of its forms."""
+"""What solvers by finite elements share: the order of a step, and all but the sums over cells."""
 
 from abc import abstractmethod
 from dataclasses import replace
@@ -6,10 +6,11 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
-from .boundary import balances, is_closed
-from .cells import Cells, Stabilisation, stabilisation_time
-from .points import PointSums, no_points
+from .boundary import Boundary
+from .cells import Cells, stabilisation_time
+from .points import PointSums, complete
 from .solver import Fields, Floats, Problem, Report, Solution, Solver, Step
 
 NEARLY_SINGULAR = 1e-6
@@ -17,10 +18,25 @@ NEARLY_SINGULAR = 1e-6
 for: where large terms cancel, rounding errors are large beside the right-hand side."""
 
 
+class Beside(NamedTuple):
+    """What a linear system has beside its sums over cells; every node has c unknowns in turn."""
+
+    matrix: sp.csr_array
+    rhs: Floats
+    """Terms of boundary and points, (n c, n c) and (n c)."""
+    free: Floats
+    value: Floats
+    """Projectors on what the unknowns of a node are free to be, (n, c, c), and what they are where
+    they are not, (n, c)."""
+
+
 class FlowData(NamedTuple):
     """Known coefficients of the flow equations, the same for every Newton step."""
 
-    stabilisation: Stabilisation
+    xi: Floats
+    xi_U: Floats
+    xi_c: Floats
+    """xi_u = xi_p, s, (m); xi times U = u_n - u_mesh at the centroid, m, (m, D); m2/s, (m)."""
     weight: Floats
     """Nodal rho g (1 - sum beta (s - s_R)), (n, D)."""
     share: Floats
@@ -32,16 +48,16 @@ class FlowData(NamedTuple):
 
 
 class FiniteElements(Solver):
-    """One step: the scalars with u_n, then momentum and mass by Newton steps, first about u_n."""
+    """One step: the scalars with u_n, then momentum and mass by Newton steps, first about u_n. The
+    steps that the equations get lack nothing (:func:`voidage.points.complete`)."""
 
     def set_mesh(self, problem: Problem) -> None:
-        self.problem, self.cells = problem, Cells(problem.points, problem.cells)
         self.state = self.next = problem.fields
+        self._place(problem)
 
-    def _move(self, points: Floats) -> None:
-        """Puts the nodes of the mesh elsewhere."""
-        self.problem = replace(self.problem, points=points)
-        self.cells = Cells(points, self.problem.cells)
+    def _place(self, problem: Problem) -> None:
+        """Takes a problem, or the same with the nodes of the mesh elsewhere."""
+        self.problem, self.cells = problem, Cells(problem.points, problem.cells)
 
     def accept(self) -> None:
         self.state = self.next
@@ -49,65 +65,100 @@ class FiniteElements(Solver):
     def solve(self, step: Step) -> Solution:
         report, start = Report(), perf_counter()
         if step.motion is not None:
-            self._move(step.motion.points)
-        problem, velocity = self.problem, self.state.velocity
-        sums = PointSums(self.cells, step.points or no_points(problem))
-        solved = [self._scalar(k, step, sums, report) for k in range(len(problem.scalars))]
-        scalars = tuple(values for values, _ in solved)
+            self._place(replace(self.problem, points=step.motion.points))
+        share = step.voidage if step.points is None else np.ones_like(step.voidage)
+        problem, step, velocity = self.problem, complete(self.problem, step), self.state.velocity
+        wind = velocity - step.motion.velocity
+        boundary, points = Boundary(problem, step, wind), PointSums(self.cells, step.points)
+        scalars, left = [], []
+        for k in range(len(problem.scalars)):
+            xi_U = self._scalar_stabilisation(k, step, wind)
+            beside = self._beside_scalar(k, step, boundary, points, xi_U)
+            s, residual = self._scalar(k, step, wind, xi_U, beside, report)
+            scalars.append(s[:, 0])
+            left.append(residual[:, 0])
         report.scalars_s = perf_counter() - start
-        data = self._flow_data(step, sums, scalars)
+        data = self._flow_data(step, wind, share, points, scalars)
+        beside = self._beside_flow(step, boundary, points, data)
         for _ in range(problem.newton):
-            x, residual = self._flow(step, sums, data, velocity, report)
+            x, residual = self._flow(step, data, velocity, beside, report)
             velocity, pressure = x[:, :-1].copy(), x[:, -1].copy()
-        if is_closed(step.conditions):
-            level = self.cells.nodal_mean(pressure)
+        if boundary.closed:
+            cells = self.cells
+            level = np.average(pressure, weights=cells.nodal_volume)
             pressure -= level
             # What the walls feel belongs to this level: -<p - level, div v>.
-            residual[:, :-1] += level * self.cells.gradient_integral()
+            felt = level * cells.measure[:, None, None] * cells.gradient
+            np.add.at(residual[:, :-1], cells.nodes, felt)
         report.flow_s = perf_counter() - start - report.scalars_s
-        self.next = Fields(velocity, pressure, scalars)
-        residuals = residual[:, :-1], [left for _, left in solved]
-        passed = balances(problem, step, self.state, self.next, *residuals)
-        return Solution(self.next, report, passed)
+        self.next = Fields(velocity, pressure, tuple(scalars))
+        return Solution(self.next, report, boundary.balances(self.next, residual[:, :-1], left))
 
     @abstractmethod
     def _scalar(
-        self, k: int, step: Step, sums: PointSums, report: Report
+        self, k: int, step: Step, wind: Floats, xi_U: Floats, beside: Beside, report: Report
     ) -> tuple[Floats, Floats]:
-        """Scalar k at the end of the step, (n), and what its equations lack there without the
-        conditions that replace some of them, A x - b, (n)."""
+        """Scalar k at the end of the step, and what its equations lack there without the conditions
+        that replace some of them, A x - b, (n, 1) each. ``wind`` is u_n - u_mesh, (n, D), and
+        ``xi_U`` is xi_T U, (m, D)."""
 
     @abstractmethod
     def _flow(
-        self, step: Step, sums: PointSums, data: FlowData, about: Floats, report: Report
+        self, step: Step, data: FlowData, about: Floats, beside: Beside, report: Report
     ) -> tuple[Floats, Floats]:
         """Velocity and pressure, the convection linearised about a velocity, and A x - b as of a
         scalar, (n, D + 1) each."""
 
-    def _wind(self, step: Step) -> Floats:
-        """u_n - u_mesh at the nodes, (n, D)."""
-        return self.state.velocity - (0 if step.motion is None else step.motion.velocity)
+    def _scalar_stabilisation(self, k: int, step: Step, wind: Floats) -> Floats:
+        """xi_T U (A.12), (m, D); zero if monotone."""
+        scalar, U = self.problem.scalars[k], self.cells.mean(wind)
+        if scalar.form == "monotone":
+            return np.zeros_like(U)
+        diffusivity = scalar.conductivity / scalar.capacity
+        return stabilisation_time(self.cells, U, step.dt, diffusivity)[:, None] * U
 
-    def _flow_data(self, step: Step, sums: PointSums, scalars: tuple[Floats, ...]) -> FlowData:
-        problem, cells = self.problem, self.cells
-        lightness = np.ones(len(problem.points))
+    def _beside_scalar(
+        self, k: int, step: Step, boundary: Boundary, points: PointSums, xi_U: Floats
+    ) -> Beside:
+        """Boundary and points, and what is lumped of the storage and the walls of a thin cell."""
+        scalar, volume = self.problem.scalars[k], self.cells.nodal_volume
+        matrix, rhs = boundary.scalar_terms(k)
+        lumped = scalar.form != "consistent"
+        more, load = points.scalar(k, xi_U, lumped)
+        matrix, rhs = matrix + more, rhs + load
+        if lumped:
+            rate, wall = scalar.capacity / step.dt * step.voidage, scalar.wall_coefficient
+            matrix += sp.diags(volume * (rate + wall))
+            rhs += volume * (rate * self.state.scalars[k] + wall * scalar.wall_value)
+        return Beside(matrix, rhs, *boundary.hold_scalar(k))
+
+    def _beside_flow(
+        self, step: Step, boundary: Boundary, points: PointSums, data: FlowData
+    ) -> Beside:
+        """Boundary and points. In a closed domain the equation that is replaced must follow from
+        the others: what sums of prescribed fluxes and sources lack to balance, round-off and the
+        error of sums for integrals, is spread evenly, as by a Lagrange multiplier of the mean
+        pressure."""
+        volume, D = self.cells.nodal_volume, self.problem.dimension
+        matrix, rhs = boundary.flow_terms()
+        more, load = points.flow(data.xi, data.xi_U, self.problem.density, data.weight)
+        if boundary.closed:
+            lacking = boundary.net_flux() - volume @ step.sources.mass
+            rhs[D :: D + 1] += lacking / volume.sum() * volume
+        return Beside(matrix + more, rhs + load, *boundary.hold_flow())
+
+    def _flow_data(
+        self, step: Step, wind: Floats, share: Floats, points: PointSums, scalars: list[Floats]
+    ) -> FlowData:
+        problem, cells, lightness = self.problem, self.cells, np.ones(len(wind))
         for scalar, values in zip(problem.scalars, scalars, strict=True):
             lightness -= scalar.expansion * (values - scalar.reference)
         weight = problem.density * lightness[:, None] * problem.gravity
-        reaction = np.zeros(len(problem.cells))
+        U, nu, reaction = cells.mean(wind), problem.viscosity / problem.density, 0.0
         if problem.drag_in_stabilisation:
-            fluid = problem.density * cells.measure * cells.mean(step.voidage)
-            reaction[sums.cells] = sums.total_drag / fluid[sums.cells]
-        stabilisation = Stabilisation(problem, cells, self._wind(step), step.dt, reaction)
-        share = step.voidage if step.points is None else np.ones_like(step.voidage)
-        return FlowData(stabilisation, weight, share, sums.solid_flux(self.state))
-
-    def _scalar_stabilisation(self, k: int, step: Step) -> tuple[Floats, Floats]:
-        """U = u_n - u_mesh at the centroid of every cell, (m, D), and xi_T (A.12), (m); zero if
-        monotone."""
-        scalar, U = self.problem.scalars[k], self.cells.mean(self._wind(step))
-        speed, still = np.linalg.norm(U, axis=1), np.zeros(len(U))
-        if scalar.form == "monotone":
-            return U, still
-        diffusivity = scalar.conductivity / scalar.capacity
-        return U, stabilisation_time(step.dt, speed, self.cells.size, diffusivity, still)
+            drag = np.bincount(step.points.cell, step.points.drag, len(cells.nodes))
+            reaction = drag / (problem.density * cells.measure * cells.mean(step.voidage))
+        xi = stabilisation_time(cells, U, step.dt, nu, reaction)
+        reach = cells.size * np.linalg.norm(U, axis=1)
+        xi_c = reach * np.minimum(reach / (6 * nu), 0.5)
+        return FlowData(xi, xi[:, None] * U, xi_c, weight, share, points.solid_flux(self.state))

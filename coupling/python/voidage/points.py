@@ -1,4 +1,4 @@
-"""Sums over the points in the fluid: their terms in the equations of the cells, the solid flux.
+"""Sums over the points in the fluid: their terms in the equations, and the solid flux.
 
 A point has volume V, drag gamma, mobility a and velocity b, and the shape functions phi of its cell
 at its place. It exchanges with the fluid
@@ -9,40 +9,44 @@ at its place. It exchanges with the fluid
 In the equation of mass the solid flux phi v* has a law v* of its own.
 """
 
+from dataclasses import replace
+
 import numpy as np
+import scipy.sparse as sp
 
-from .cells import Cells, Stabilisation
-from .solver import Fields, Floats, Points, PointScalar, Problem
-
-
-def no_points(problem: Problem) -> Points:
-    """Points of a step that has none."""
-    none, dimension = np.zeros(0), problem.dimension
-    shape, vectors = np.zeros((0, dimension + 1)), np.zeros((0, dimension))
-    scalars = (None,) * len(problem.scalars)
-    return Points(none.astype(int), shape, none, none, none, vectors, none, vectors, scalars)
+from .cells import Cells, Places, Terms
+from .solver import Fields, Floats, Motion, Points, Problem, Sources, Step
 
 
-class PointSums:
-    """The points of a step on a mesh; c counts the cells that have any, B = D + 1 their nodes."""
+def complete(problem: Problem, step: Step) -> Step:
+    """The step with all that it may lack: no points, a mesh at rest, sources that are zero."""
+    (count, D), scalars = problem.points.shape, len(problem.scalars)
+    zero, still, none, vectors = (np.zeros(each) for each in (count, (count, D), 0, (0, D)))
+    places = none.astype(int), np.zeros((0, D + 1))
+    laws = none, none, none, vectors, none, vectors, (None,) * scalars
+    return replace(
+        step,
+        points=step.points or Points(*places, *laws),
+        sources=step.sources or Sources(still, zero, (zero,) * scalars),
+        motion=step.motion or Motion(problem.points, still),
+    )
+
+
+class PointSums(Places):
+    """The points of a step in the cells of a mesh; xi and xi U of the stabilisation are given cell
+    by cell, (m) and (m, D)."""
 
     def __init__(self, mesh: Cells, points: Points):
-        self.mesh, self.points = mesh, points
-        self.order = np.argsort(points.cell, kind="stable")
-        self.cells, self.start = np.unique(points.cell[self.order], return_index=True)
-        """Cells that have points, (c), and where theirs begin in the order of the cells."""
-        self.total_drag = self._by_cell(points.drag)
-        """sum gamma, (c)."""
+        super().__init__(mesh.nodes[points.cell], points.shape, len(mesh.nodal_volume))
+        self.points, self.nodal_volume = points, mesh.nodal_volume
+        self.gradient = mesh.gradient[points.cell]
+        """Gradients of the shape functions at each point, (q, B, D)."""
 
-    def _by_cell(self, values: Floats, *tests: Floats) -> Floats:
-        """Sums over the points in each cell of values times tests, (q, B) each: (c, .., B, ..)."""
-        for test in tests:
-            values = np.einsum("q...,qb->q...b", values, test)
-        return np.add.reduceat(values[self.order], self.start, axis=0)
+    def _along(self, xi_U: Floats) -> Floats:
+        """xi (U . grad) of the shape functions, (q, B)."""
+        return np.einsum("qi,qai->qa", xi_U[self.points.cell], self.gradient)
 
-    def flow(
-        self, stabilisation: Stabilisation, density: float, weight: Floats
-    ) -> tuple[Floats, Floats]:
+    def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats) -> Terms:
         """Terms of the points in momentum and mass, their stabilisation included.
 
         -<f_p, v + xi (U . grad) v> - <phi v*, grad q> - (xi / rho) <f_p, grad q>, and the weight of
@@ -50,73 +54,40 @@ class PointSums:
         values of w = rho g (1 - sum beta (s - s_R)), (n, D). The fluid's own weight is then that of
         a cell without points: with the voidage made of the points, as in V grad p, a fluid at rest
         between held points solves the discrete equations.
-
-        Returns matrices (c, B, D + 1, B, D + 1) and right-hand sides (c, B, D + 1).
         """
-        p, phi = self.points, self.points.shape
-        slip = p.mobility * p.drag - 1
-        drag = self._by_cell(-slip * p.drag, phi, phi)
-        pressure = self._by_cell(p.volume * slip, phi)
-        carried = self._by_cell(p.volume * p.flux_mobility * p.drag, phi)
-        diffusion = self._by_cell(p.volume**2 * p.flux_mobility)
-        volume_flux = self._by_cell(p.volume[:, None] * p.flux_velocity)
-        force = self._by_cell(p.drag, phi, p.velocity)
-        force -= self._by_cell(p.volume, phi, phi) @ weight[self.mesh.nodes[self.cells]]
-
-        gradient = self.mesh.gradient[self.cells]
-        time = stabilisation.time[self.cells, None]
-        along = time * np.einsum("ci,cai->ca", stabilisation.direction[self.cells], gradient)
-        across = time[..., None] / density * gradient
-        # Residual of the points in a cell: drag u + pressure grad p - force.
-        drag_sum, pressure_sum, force_sum = (sums.sum(axis=1) for sums in (drag, pressure, force))
-        drag = drag + along[:, :, None] * drag_sum[:, None, :]
-        pressure = pressure + along * pressure_sum[:, None]
-        force = force + along[:, :, None] * force_sum[:, None, :]
-
-        count, B, D = gradient.shape
-        matrix = np.zeros((count, B, D + 1, B, D + 1))
+        p, D, tested = self.points, weight.shape[1], self.shape + self._along(xi_U)
+        time, left = sp.diags(xi[p.cell] / density), sp.diags(1 - p.mobility * p.drag)
+        drag, volume = sp.diags(p.drag), sp.diags(p.volume)
+        # -f_p = left forcing - gamma b, forcing = gamma u - V grad p.
+        force = p.drag[:, None] * p.velocity - p.volume[:, None] * self.at(weight)
+        flux = p.volume[:, None] * p.flux_velocity
+        matrix, rhs = self.nothing(D + 1)
         for i in range(D):
-            matrix[:, :, i, :, i] = drag
-        matrix[:, :, :D, :, D] = np.einsum("ca,cbi->caib", pressure, gradient)
-        matrix[:, :, D, :, :D] = np.einsum("cai,cb->cabi", across, drag_sum)
-        matrix[:, :, D, :, :D] -= np.einsum("cai,cb->cabi", gradient, carried)
-        laplace = diffusion + time[:, 0] / density * pressure_sum
-        matrix[:, :, D, :, D] = np.einsum("c,cai,cbi->cab", laplace, gradient, gradient)
-        rhs = np.zeros((count, B, D + 1))
-        rhs[:, :, :D] = force
-        rhs[:, :, D] = np.einsum("cai,ci->ca", gradient, volume_flux)
-        rhs[:, :, D] += np.einsum("cai,ci->ca", across, force_sum)
+            slope = self.rows(self.gradient[:, :, i], D, D + 1)
+            test = self.rows(tested, i, D + 1) + time @ slope
+            forcing = drag @ self.rows(self.shape, i, D + 1) - volume @ slope
+            matrix += test.T @ left @ forcing
+            matrix -= slope.T @ volume @ sp.diags(p.flux_mobility) @ forcing
+            rhs += test.T @ force[:, i] + slope.T @ flux[:, i]
         return matrix, rhs
 
-    def scalar(
-        self, k: int, direction: Floats, time: Floats, lumped: bool
-    ) -> tuple[Floats, Floats]:
-        """-<q_p, S + xi U . grad S> of scalar k, U (m, D) and xi (m) as ``direction`` and ``time``.
-
-        If ``lumped``, the rows of -<q_p, S> are summed on the diagonal.
-
-        Returns matrices (c, B, B) and right-hand sides (c, B).
-        """
-        none, phi = np.zeros(len(self.points.cell)), self.points.shape
-        columns = self.points.scalars[k] or PointScalar(none, none, none)
-        h = columns.coefficient
-        exchange = self._by_cell(h * (1 - columns.mobility * h), phi, phi)
-        given = self._by_cell(h * columns.value, phi)
-        gradient = self.mesh.gradient[self.cells]
-        along = time[self.cells, None] * np.einsum("ci,cai->ca", direction[self.cells], gradient)
-        total = exchange.sum(axis=1)  # of rows as of columns
-        matrix = total[:, :, None] * np.eye(total.shape[1]) if lumped else exchange
-        matrix = matrix + along[:, :, None] * total[:, None, :]
-        return matrix, given + along * given.sum(axis=1)[:, None]
+    def scalar(self, k: int, xi_U: Floats, lumped: bool) -> Terms:
+        """-<q_p, S + xi U . grad S> of scalar k. If ``lumped``, the rows of -<q_p, S> are summed on
+        the diagonal."""
+        columns = self.points.scalars[k]
+        if columns is None:
+            return self.nothing()
+        h, value, along = columns.coefficient, self.rows(self.shape), self.rows(self._along(xi_U))
+        rate, given = h * (1 - columns.mobility * h), (value + along).T @ (h * columns.value)
+        carried = along if lumped else value + along
+        matrix = carried.T @ sp.diags(rate) @ value
+        return matrix + sp.diags(value.T @ rate) if lumped else matrix, given
 
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law of the flux at the given fields, (n, D)."""
-        p, nodes = self.points, self.mesh.nodes[self.points.cell]
-        u = np.einsum("qa,qai->qi", p.shape, fields.velocity[nodes])
-        slope = np.einsum("qa,qai->qi", fields.pressure[nodes], self.mesh.gradient[p.cell])
-        forcing = p.drag[:, None] * u - p.volume[:, None] * slope
+        p = self.points
+        slope = np.einsum("qa,qai->qi", fields.pressure[self.nodes], self.gradient)
+        forcing = p.drag[:, None] * self.at(fields.velocity) - p.volume[:, None] * slope
         v = p.flux_velocity + p.flux_mobility[:, None] * forcing
-        parts = p.shape[:, :, None] * (p.volume[:, None] * v)[:, None, :]
-        flux = np.zeros_like(fields.velocity)
-        np.add.at(flux, nodes, parts)
-        return flux / self.mesh.nodal_volume[:, None]
+        flux = self.rows(self.shape).T @ (p.volume[:, None] * v)
+        return flux / self.nodal_volume[:, None]
