@@ -74,9 +74,9 @@ impl<const D: usize> Search<D> {
         let starts = p.velocity.iter().copied().chain(free);
         let walls = scene.placed.iter().flat_map(|w| w.velocity);
         let fastest = diagonal(starts.chain(walls).chain(after.iter().copied()));
-        let small = p.radius.iter().fold(f64::MAX, |a: f64, &r| a.min(r));
+        let (small, large) = p.radius.iter().fold((f64::MAX, 0f64), |(lo, hi), &r| (lo.min(r), hi.max(r)));
         // Slow grains get cells of one size, so that nothing is allocated in a bed that only trembles.
-        let reach = (fastest * scene.h).max(0.1 * small);
+        let reach = (fastest * scene.h).max(0.1 * large.min(2.0 * small));
         self.grid.build(&p.position, &p.radius, reach);
         self.fill_bodies(scene, &mut problem.bodies);
         self.fill_positions(scene, problem);
