@@ -247,6 +247,29 @@ fn cohesion_holds_up_to_its_force() {
     }
 }
 
+/// Beside fine grains a wide disc has tiles and bounds of velocities of its own: flying into them by three of their diameters in one
+/// sub-step, it meets all that are in its way, those that lie still far from it look for nobody, and momentum stays.
+#[test]
+fn a_wide_disc_in_flight_meets_all_fine_grains_in_its_way() {
+    let material = Material::default();
+    let mut places: Vec<V> = (0..7200).map(|k| v((k % 120) as f64, -((k / 120) as f64))).collect();
+    places.push(v(59.7, 20.5 + 2.0));
+    let mut radii = vec![0.49; places.len()];
+    radii[7200] = 20.0;
+    let mut grains = Particles::new(places, radii, vec![0; 7201], std::slice::from_ref(&material)).unwrap();
+    grains.velocity[7200] = v(0.0, -3.0);
+    let momentum = |p: &Particles<2>| p.mass.iter().zip(&p.velocity).map(|(m, v)| v * *m).sum::<V>();
+    let before = momentum(&grains);
+    let settings = Settings { gravity: V::zeros(), max_travel: 1e3, ..Settings::default() };
+    let mut dem = Dem::new(grains, vec![], vec![material], settings).unwrap();
+    let report = dem.step(1.0, &Load::default());
+    assert!(report.substeps == 1 && report.converged, "{report:?}");
+    assert!(report.max_penetration_over_radius < 1e-2, "{report:?}");
+    // If all looked as far as the disc flies there would be 152,000.
+    assert!(report.contacts > 50 && report.candidates < 80_000, "{report:?}");
+    assert!((momentum(&dem.particles) - before).norm() < 1e-12 * before.norm());
+}
+
 /// A stack of 100 under a lid a million times as heavy as a grain, and a big grain on a bed of grains a hundred times
 /// smaller: contacts converge, nothing is crushed, on average the floor carries the weight.
 #[test]

@@ -14,15 +14,15 @@ pub enum Concurrency {
     Threads,
 }
 
-/// How far a campaign is.
-pub enum Measure<P> {
+/// What the progress of a campaign is counted in.
+pub enum Scale<P> {
     /// By the number of points, of which so many were done before; and what one is called.
     Count(usize, &'static str),
     /// By what points cost: the last one may take longer than all before it.
     Cost(fn(&P) -> f64),
 }
 
-impl<P> Measure<P> {
+impl<P> Scale<P> {
     fn progress(&self, left: &[P], quiet: bool) -> Progress {
         match self {
             Self::Count(known, noun) => Progress::of(noun, *known as u64, (known + left.len()) as u64, quiet),
@@ -45,8 +45,8 @@ impl<P> Measure<P> {
 pub struct Points<'a, P> {
     /// The points.
     pub left: &'a [P],
-    /// How far they are.
-    pub measure: Measure<P>,
+    /// What their progress is counted in.
+    pub scale: Scale<P>,
     /// The name of a point, by its place among them.
     pub name: &'a (dyn Fn(usize, &P) -> String + Sync),
     /// No progress.
@@ -64,9 +64,9 @@ pub fn run<P: Sync, S: Send>(
     one: impl Fn(&P) -> Result<Option<S>> + Sync,
     keep: impl FnMut(&P, S) -> Result<()> + Send,
 ) -> Result<()> {
-    let Points { left, measure, name, quiet } = points;
+    let Points { left, scale, name, quiet } = points;
     let next = AtomicUsize::new(0);
-    let shared = Mutex::new((keep, vec![], measure.progress(left, *quiet)));
+    let shared = Mutex::new((keep, vec![], scale.progress(left, *quiet)));
     let work = || {
         let lock = || shared.lock().unwrap_or_else(PoisonError::into_inner);
         let stop = || next.store(left.len(), Ordering::Relaxed);
@@ -75,7 +75,7 @@ pub fn run<P: Sync, S: Send>(
             let Some(point) = left.get(number) else { return Ok(()) };
             {
                 let (_, done, progress) = &*lock();
-                progress.tell(measure.at(left, done.iter().copied()), &name(number, point));
+                progress.tell(scale.at(left, done.iter().copied()), &name(number, point));
             }
             let sample = one(point).inspect_err(|_| stop())?;
             let Some(sample) = sample else {
@@ -94,7 +94,7 @@ pub fn run<P: Sync, S: Send>(
     };
     let (_, done, progress) = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
     if done.len() == left.len() {
-        progress.tell(measure.at(left, done.into_iter()), "done");
+        progress.tell(scale.at(left, done.into_iter()), "done");
     }
     ends.into_iter().collect()
 }
@@ -108,7 +108,7 @@ mod tests {
     fn what_is_done_is_kept_and_an_error_or_an_interrupt_begins_no_further_point() {
         let points = Points {
             left: &[1, 2, 3, 4],
-            measure: Measure::Cost(|point: &i32| f64::from(*point)),
+            scale: Scale::Cost(|point: &i32| f64::from(*point)),
             name: &|number, point| format!("{number} {point}"),
             quiet: true,
         };

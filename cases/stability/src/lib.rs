@@ -22,7 +22,7 @@ use clap::Args;
 use record::{Record, Row};
 use tracing::warn;
 use voidage_campaign::plot::panels::{self, Curve, Panel};
-use voidage_campaign::points::{self, Concurrency, Measure, Points};
+use voidage_campaign::points::{self, Concurrency, Points, Scale};
 use voidage_campaign::process::start_threads;
 use voidage_campaign::{Effort, Suite};
 use voidage_coupling::scheme::SchemeName;
@@ -117,7 +117,7 @@ fn map(points: &[Point], record: &mut Record, effort: Effort, quiet: bool) -> Re
         points.iter().filter(|(axis, point, scheme)| !record.has(axis, *scheme, *point)).copied().collect();
     let points = Points {
         left: &missing,
-        measure: Measure::Count(points.len() - missing.len(), "point"),
+        scale: Scale::Count(points.len() - missing.len(), "point"),
         name: &|_, (axis, ..): &Point| axis.name.into(),
         quiet,
     };

@@ -26,7 +26,7 @@ use record::{Record, Row};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use tracing::warn;
-use voidage_campaign::points::{self, Concurrency, Measure, Points};
+use voidage_campaign::points::{self, Concurrency, Points, Scale};
 use voidage_campaign::process::catch_interrupts;
 use voidage_campaign::suite::Suite;
 use voidage_coupling::{Error, Notice, Result};
@@ -138,7 +138,7 @@ impl Work<'_> {
         let before = runs.len() - left.len();
         let points = Points {
             left: &left,
-            measure: Measure::Cost(|run: &&Run| run.cost),
+            scale: Scale::Cost(|run: &&Run| run.cost),
             name: &|k, run| {
                 format!("run {} of {}: {}", before + k + 1, runs.len(), plan::short(&run.settings))
             },

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 use tracing::warn;
 use voidage_campaign::plot::panels::{self, Panel};
-use voidage_campaign::points::{self, Concurrency, Measure, Points};
+use voidage_campaign::points::{self, Concurrency, Points, Scale};
 use voidage_campaign::process::start_threads;
 use voidage_campaign::progress::duration;
 use voidage_campaign::{Effort, Suite};
@@ -61,7 +61,7 @@ pub fn verify(options: &Options) -> Result<u8> {
     let (mut missed, mut count) = (0, 0);
     let points = Points {
         left: &chosen,
-        measure: Measure::Count(0, "case"),
+        scale: Scale::Count(0, "case"),
         name: &|_, case: &Case| case.name.into(),
         quiet: suite.quiet,
     };

@@ -84,8 +84,12 @@ fn interaction(
     };
     let interaction = Interaction::new(laws, &fluid.mesh, grains, at)?;
     let number = |name: &String| fluid.scalars.iter().position(|scalar| scalar == name);
-    let sticks_below =
-        coupling.cohesion_below.iter().filter_map(|(name, bound)| Some((number(name)?, *bound))).collect();
+    let sticks_below = coupling.cohesion_below.iter().map(|(name, bound)| {
+        let unknown =
+            || Error::input(format!("`coupling.cohesion_below.{name}`: the fluid has no such scalar"));
+        Ok((number(name).ok_or_else(unknown)?, *bound))
+    });
+    let sticks_below = sticks_below.collect::<Result<_>>()?;
     Ok(Interaction { heat_tolerance: described.solver.tolerance, sticks_below, ..interaction })
 }
 

@@ -144,15 +144,15 @@ fn mankoc(points: &[(f64, f64)]) -> [f64; 2] {
 }
 
 /// Beverloo's (W - k d)^1.5 is the limit of wide openings: k grows with W, so that with k free the exponent of such
-/// openings is above 1.5, also that of Mankoc's law. Over five seeds it must still be 1.5. In the
-/// small silos of the quick form it scatters by 0.25 from seed to seed, whenever a rounding error changes: three are held
-/// against the law fitted to the same silos, within two standard errors.
+/// openings is above 1.5, also that of Mankoc's law. Over five seeds it must still be 1.5. The quick
+/// form, with narrower openings, is held against the law fitted to the same silos, which tells little more than the fit
+/// itself. Its silos are as high and wide over the opening as those of the full form: in lower ones the exponent is 1.9 to 2.0.
 fn run(effort: Effort) -> Result<Outcome> {
     let silo = effort.pick(
-        Silo { wide: 2.0, margin: 14.0, slender: 1.0, step: 0.05, grains: 1000 },
+        Silo { wide: 2.5, margin: 16.0, slender: 1.2, step: 0.03, grains: 2000 },
         Silo { wide: 2.5, margin: 30.0, slender: 1.2, step: 0.02, grains: 1000 },
     );
-    let seeds = effort.pick(3, 5);
+    let seeds = effort.pick(2, 5);
     // Through five diameters grains flow by fits and starts, arches stop them for up to 2 sqrt(d/g), and the rate
     // depends on the step, by 10 to 20 % between 0.05 and 0.02 (2 % at eight diameters).
     let openings: &[f64] = effort.pick(&[8.0, 11.0, 15.0, 20.0], &[8.0, 12.0, 18.0, 27.0]);
@@ -182,13 +182,8 @@ fn run(effort: Effort) -> Result<Outcome> {
     let name = format!("exponent of (W - k d) with k free, scatter {scatter:.3}");
     Ok(Outcome {
         findings: vec![
-            Finding::at_most(
-                "largest deviation of a silo from the law with 1.5",
-                "1",
-                effort.pick(0.1, 0.05),
-                worst,
-            ),
-            Finding::absolute(name, "1", effort.pick(expected, 1.5), power, effort.pick(0.3, 0.15)),
+            Finding::at_most("largest deviation of a silo from the law with 1.5", "1", 0.05, worst),
+            Finding::absolute(name, "1", effort.pick(expected, 1.5), power, 0.15),
         ],
         panels: vec![panel],
     })
