@@ -30,6 +30,13 @@ impl<const D: usize> Carried<D> {
         }
     }
 
+    /// Takes what is carried of a grain: impulse (N s) and heat (J). Its displacement is dropped: no fluid is to make room for it.
+    pub(crate) fn take(&mut self, grain: usize) -> (Vector<D>, f64) {
+        self.displacement[grain] = Vector::zeros();
+        let impulse = std::mem::replace(&mut self.impulse[grain], Vector::zeros());
+        (impulse, self.heat.get_mut(grain).map_or(0.0, std::mem::take))
+    }
+
     /// By how much the sums of impulse (N s) and heat (J) have grown since this was last asked.
     pub(crate) fn change(&mut self) -> (Vector<D>, f64) {
         let now = (self.impulse.iter().sum::<Vector<D>>(), self.heat.iter().sum::<f64>());

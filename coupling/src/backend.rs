@@ -5,6 +5,7 @@
 
 use crate::error::Result;
 use voidage_fluid::balance::Balance;
+use voidage_fluid::body::BodyAnswer;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::flow::{Numerics, Report, State};
 use voidage_fluid::forms::Properties;
@@ -59,6 +60,8 @@ pub struct Solution<const D: usize> {
     pub fields: State<D>,
     /// What passed each part of the boundary, in the order of the conditions; empty if the solver does not compute it.
     pub balances: Vec<Balance<D>>,
+    /// What each body did, in the order of the conditions.
+    pub bodies: Vec<BodyAnswer<D>>,
     /// Iterations, residual and time of the solver.
     pub report: Report,
     /// Wall time that frames took to and from a solver in another process, s.
@@ -125,6 +128,8 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
         out.report = flow.solve(step.dt, voidage, points, step.conditions)?;
         out.transport_s = 0.0;
         out.fields.copy_from(flow.solution());
+        out.bodies.clear();
+        out.bodies.extend(flow.bodies());
         flow.balances(voidage, step.conditions, &mut out.balances);
         Ok(())
     }

@@ -1,7 +1,10 @@
 //! The fluid of a scene: its solver, mesh and fields.
 
 use crate::StepReport;
+use crate::TEMPERATURE;
 use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
+use crate::droplet::Droplet;
+use crate::droplet::surface::Surface;
 use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
 use crate::motion::MeshMover;
@@ -9,7 +12,7 @@ use crate::remesh::Remesher;
 use std::borrow::Cow;
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::State;
-use voidage_fluid::{Mesh, MeshMotion};
+use voidage_fluid::{Mesh, MeshMotion, Vector};
 
 /// Time and number of steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,6 +43,8 @@ pub struct Fluid<const D: usize> {
     pub nodal_volume: Vec<f64>,
     /// What moves the mesh; absent if it stands still.
     pub motion: Option<Box<dyn MeshMover<D>>>,
+    /// The droplet in it, which moves the mesh too; absent without.
+    pub droplet: Option<Box<Droplet<D>>>,
     /// When the domain is remeshed; absent if it never is.
     pub remesher: Option<Remesher<D>>,
     /// Time and steps of the accepted fields.
@@ -72,6 +77,7 @@ impl<const D: usize> Fluid<D> {
             conditions,
             ramp: 0.0,
             motion: None,
+            droplet: None,
             remesher: None,
             clock: Clock::default(),
             generation: 0,
@@ -111,15 +117,30 @@ impl<const D: usize> Fluid<D> {
         immersed: Option<Immersed<'_, D>>,
         report: &mut StepReport,
     ) -> Result<()> {
-        let conditions = ramped(&self.conditions, self.ramp, self.clock.time + dt);
-        let motion = self.motion.as_ref();
-        let motion =
-            motion.map(|motion| MeshMotion { points: &self.mesh.points, velocity: motion.velocity() });
+        let mut conditions = ramped(&self.conditions, self.ramp, self.clock.time + dt);
+        let mut velocity = self.motion.as_ref().map(|motion| motion.velocity());
+        let mut part = None;
+        if let Some(droplet) = &mut self.droplet {
+            let clear = immersed.is_none().then(|| vec![1.0; self.mesh.points.len()]);
+            let voidage = immersed.map_or(clear.as_deref(), |immersed| Some(immersed.voidage));
+            let hot = self.scalars.first().is_some_and(|name| name == TEMPERATURE);
+            let body = droplet.body(&self.mesh, voidage.unwrap_or_default(), dt, hot)?;
+            part = self.conditions.iter().position(|condition| condition.boundary == droplet.boundary);
+            if let Some(part) = part {
+                conditions.to_mut()[part].flow = FlowCondition::Body(body);
+            }
+            velocity = Some(droplet.mesh_velocity());
+        }
+        let motion = velocity.map(|velocity| MeshMotion { points: &self.mesh.points, velocity });
         let Clock { time, steps } = self.clock;
         let step = FluidStep { number: steps + 1, time, dt, immersed, conditions: &conditions, motion };
         self.moved |= step.motion.is_some();
         self.backend.solve(&step, &mut self.solution)?;
         let Solution { report: solver, transport_s, .. } = &self.solution;
+        if let Some(droplet) = &mut self.droplet {
+            let balance = part.and_then(|part| self.solution.balances.get(part));
+            droplet.receive(self.solution.bodies.first(), balance)?;
+        }
         report.phases.energy += solver.scalars_s;
         report.phases.flow += solver.flow_s;
         report.phases.transport += transport_s;
@@ -127,11 +148,31 @@ impl<const D: usize> Fluid<D> {
         Ok(())
     }
 
-    /// Makes the last solution, which was over `dt`, the accepted fields.
-    pub fn accept(&mut self, dt: f64) {
+    /// Makes the last solution, which was over `dt`, the accepted fields. A droplet moves, and the mesh with it.
+    ///
+    /// # Errors
+    /// The droplet has boiled away.
+    pub fn accept(&mut self, dt: f64) -> Result<()> {
+        self.accept_around(dt, |_, _, _| (0.0, 0.0))
+    }
+
+    /// The same where grains may be in the droplet: `solid` is their volume within a surface (m2) and its growth with the radius (m).
+    ///
+    /// # Errors
+    /// The droplet has boiled away.
+    pub fn accept_around(
+        &mut self,
+        dt: f64,
+        solid: impl Fn(&Surface<D>, &Vector<D>, f64) -> (f64, f64),
+    ) -> Result<()> {
         self.backend.accept();
         std::mem::swap(&mut self.accepted, &mut self.solution.fields);
         self.clock.time += dt;
+        if let Some(droplet) = &mut self.droplet {
+            droplet.accept(dt, &mut self.mesh.points, solid)?;
+            self.nodal_volume = self.mesh.nodal_volume();
+        }
+        Ok(())
     }
 
     /// Puts another solver around the one that there is, which has its mesh.
@@ -158,6 +199,7 @@ impl<const D: usize> Default for Fluid<D> {
             ramp: 0.0,
             nodal_volume: vec![],
             motion: None,
+            droplet: None,
             remesher: None,
             clock: Clock::default(),
             generation: 0,

@@ -1,6 +1,7 @@
 //! The exchange between grains and fluid: its laws, and what both know of each other.
 
 use crate::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use crate::droplet::wet::Wet;
 use crate::exchange::{self, AtGrains, OnMesh};
 use crate::load::{GrainLoad, HeatLoad};
 use crate::overlap::Overlap;
@@ -57,6 +58,8 @@ pub struct Interaction<const D: usize> {
     pub departed: u64,
     /// Force (N) and heat (W) that the fluid lost at the points in the last solution.
     pub lost: (Vector<D>, f64),
+    /// The grains in the water of a droplet, and the water as they feel it; absent without a droplet.
+    pub wet: Option<Wet<D>>,
     /// Cuts grains by the cells of the mesh.
     pub overlap: Overlap<D>,
 }
@@ -78,6 +81,7 @@ impl<const D: usize> Default for Interaction<D> {
             carried: None,
             departed: 0,
             lost: (Vector::zeros(), 0.0),
+            wet: None,
             overlap: Overlap::default(),
         }
     }

@@ -8,6 +8,7 @@
 mod agreement;
 pub mod backend;
 pub mod closure;
+pub mod droplet;
 pub mod error;
 pub mod exchange;
 pub mod fluid;

@@ -2,6 +2,7 @@
 
 use crate::backend::Immersed;
 use crate::closure::Surroundings;
+use crate::droplet::wet::solid_within;
 use crate::exchange::{OnMesh, Rigid};
 use crate::interaction::relative;
 use crate::load::GrainLoad;
@@ -10,6 +11,7 @@ use crate::{Error, Fluid, HEAT, Interaction, Notice, Result, StepReport, overlap
 use rayon::prelude::*;
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
+use voidage_fluid::conditions::ScalarCondition;
 
 /// Grains in a fluid. A [scheme](crate::scheme::Scheme) advances it by the phases below.
 #[derive(Default)]
@@ -71,6 +73,9 @@ impl<const D: usize> Mixture<D> {
         let Interaction { load, overlap: cutter, .. } = &mut self.interaction;
         let GrainLoad { pieces, volume, .. } = load;
         cutter.cut(&fluid.mesh, &particles.position, &particles.radius, pieces, volume)?;
+        let swallowed = self.cut_by_droplet();
+        let (particles, fluid) = (&self.grains.particles, &self.fluid);
+        let Interaction { overlap: cutter, .. } = &mut self.interaction;
         if !cutter.outside().is_empty() {
             self.check_outside()?;
         }
@@ -78,11 +83,34 @@ impl<const D: usize> Mixture<D> {
         let GrainLoad { pieces, voidage, volume, .. } = load;
         volume.iter_mut().zip(&particles.volume).for_each(|(inside, whole)| *inside *= whole);
         let volume = overlap::voidage(&fluid.mesh, pieces, volume, &fluid.nodal_volume, voidage);
-        let exact: f64 = particles.volume.iter().sum();
+        let exact = particles.volume.iter().sum::<f64>() - swallowed;
         report.solid_volume_defect = Some(relative((volume - exact).abs(), exact));
         report.phases.overlap += start.elapsed().as_secs_f64();
         self.phase = Phase::Cut;
         Ok(())
+    }
+
+    /// What of the grains a droplet has in its water; returns their volume there, m2. What the gas still had to give to grains that are
+    /// wholly there becomes the business of the droplet.
+    fn cut_by_droplet(&mut self) -> f64 {
+        let Some(droplet) = &mut self.fluid.droplet else { return 0.0 };
+        let Interaction { wet, overlap, carried, .. } = &mut self.interaction;
+        let wet = wet.get_or_insert_default();
+        droplet.begin();
+        let (centre, radius) = (droplet.state.centre, droplet.state.radius);
+        wet.cut(&self.grains.particles, droplet.surface(), &centre, radius);
+        let swallowed = overlap.outside().iter().map(|grain| *grain as usize);
+        let swallowed: Vec<usize> = swallowed.filter(|grain| wet.swallows(*grain)).collect();
+        overlap.find(|grain| wet.swallows(grain));
+        if let Some(carried) = carried {
+            for grain in swallowed {
+                let (impulse, heat) = carried.take(grain);
+                droplet.inherit(&impulse, heat);
+            }
+            // It is no longer between grains and gas.
+            carried.change();
+        }
+        wet.volume()
     }
 
     /// Drag and heat-transfer coefficients with the fluid of the last accepted step.
@@ -116,6 +144,12 @@ impl<const D: usize> Mixture<D> {
                 *coefficient = volume[i] * law;
             });
         }
+        let Interaction { wet, .. } = &mut self.interaction;
+        if let (Some(droplet), Some(wet)) = (&self.fluid.droplet, wet) {
+            let water = &droplet.material.water;
+            let liquid = droplet.state.liquid / droplet.volume();
+            wet.evaluate_closures(particles, (water, liquid), &droplet.state.velocity);
+        }
         if !self.interaction.sticks_below.is_empty() {
             self.find_cohesive();
         }
@@ -125,17 +159,30 @@ impl<const D: usize> Mixture<D> {
     }
 
     /// Contacts of a grain stick where scalars of the fluid, as means over its pieces at the last accepted step, are below
-    /// their bounds (vapour in Henry et al., Eq. 18). Grains that have left the mesh may stick.
+    /// their bounds (vapour in Henry et al., Eq. 18). In the water of a droplet they have the value of its surface. Grains that have left the
+    /// mesh may stick.
     fn find_cohesive(&mut self) {
-        let Interaction { load, sticks_below, cohesive, .. } = &mut self.interaction;
+        let Interaction { load, sticks_below, cohesive, wet, .. } = &mut self.interaction;
         let (pieces, mesh, scalars) = (&load.pieces, &self.fluid.mesh, &self.fluid.accepted.scalars);
+        let surface = self.fluid.droplet.as_ref().and_then(|droplet| {
+            self.fluid.conditions.iter().find(|condition| condition.boundary == droplet.boundary)
+        });
         let dry = |grain: usize| {
-            sticks_below.iter().all(|(scalar, bound)| pieces.mean(grain, mesh, &scalars[*scalar]) < *bound)
+            let share = wet.as_ref().map_or(0.0, |wet| wet.share(grain));
+            sticks_below.iter().all(|(scalar, bound)| {
+                let gas = pieces.mean(grain, mesh, &scalars[*scalar]);
+                let water = match surface.map(|surface| surface.scalar(*scalar)) {
+                    Some(ScalarCondition::Value(value)) => value.at(0),
+                    _ => gas,
+                };
+                (1.0 - share) * gas + share * water < *bound
+            })
         };
         cohesive.clear();
         cohesive.resize(pieces.grains(), true);
         cohesive.par_iter_mut().enumerate().with_min_len(256).for_each(|(grain, sticks)| {
-            *sticks = pieces.of(grain).is_empty() || dry(grain);
+            let gone = pieces.of(grain).is_empty() && wet.as_ref().is_none_or(|wet| !wet.swallows(grain));
+            *sticks = gone || dry(grain);
         });
     }
 
@@ -147,6 +194,10 @@ impl<const D: usize> Mixture<D> {
         self.needs(Phase::Closed, "solve_fluid", "evaluate_closures")?;
         let start = Instant::now();
         let Self { fluid, interaction, .. } = self;
+        if let (Some(droplet), Some(wet)) = (&mut fluid.droplet, &interaction.wet) {
+            let grains = (&interaction.load, &interaction.at);
+            droplet.immersion = wet.immersion(droplet.surface(), &droplet.stream(), grains);
+        }
         let Interaction { load, points, laws, .. } = interaction;
         let rigid = Rigid { fluid: fluid.on_mesh(), density: laws.density, dt };
         load.fill_points(&rigid, (HEAT, fluid.scalars.len()), points);
@@ -160,9 +211,14 @@ impl<const D: usize> Mixture<D> {
 
     /// Contacts and motion of the grains under the forces and heat of the fluid.
     pub fn move_grains(&mut self, dt: f64, report: &mut StepReport) {
-        let Interaction { force, heat, cohesive, .. } = &self.interaction;
         let start = Instant::now();
-        let load = Load { force, heat, cohesive, ..Load::default() };
+        let Interaction { force, heat, cohesive, wet, .. } = &mut self.interaction;
+        let load = match (&self.fluid.droplet, wet) {
+            (Some(droplet), Some(wet)) => {
+                Load { cohesive, ..wet.add((force, heat), (&[], &[]), &droplet.stream()) }
+            }
+            _ => Load { force, heat, cohesive, ..Load::default() },
+        };
         moved(self.grains.step(dt, &load), start, report);
     }
 
@@ -174,9 +230,15 @@ impl<const D: usize> Mixture<D> {
     pub fn drive_grains(&mut self, dt: f64, forcing: &Forcing<D>, report: &mut StepReport) -> Result<()> {
         self.needs(Phase::Closed, "drive_grains", "evaluate_closures")?;
         let start = Instant::now();
-        let Interaction { load, cohesive, .. } = &self.interaction;
+        let Interaction { load, cohesive, wet, .. } = &mut self.interaction;
         let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
-        let load = Load { force: &forcing.force, drag: &load.drag, heat: &forcing.heat, transfer, cohesive };
+        let Forcing { force, heat } = forcing;
+        let load = match (&self.fluid.droplet, wet) {
+            (Some(droplet), Some(wet)) => {
+                Load { cohesive, ..wet.add((force, heat), (&load.drag, transfer), &droplet.stream()) }
+            }
+            _ => Load { force, drag: &load.drag, heat, transfer, cohesive },
+        };
         moved(self.grains.step(dt, &load), start, report);
         Ok(())
     }
@@ -202,7 +264,17 @@ impl<const D: usize> Mixture<D> {
     /// The fluid has not been solved.
     pub(crate) fn accept_part(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
         self.needs(Phase::Solved, "accept", "solve_fluid")?;
-        self.fluid.accept(dt);
+        let Self { grains, fluid, interaction, .. } = self;
+        if let (Some(droplet), Some(wet)) = (&mut fluid.droplet, &interaction.wet) {
+            let moved = (grains.mean_velocity(), grains.mean_temperature());
+            droplet.settle(dt, |stream, before| wet.settle(moved, stream, before));
+        }
+        fluid.accept_around(dt, |surface, centre, radius| {
+            solid_within(&grains.particles, surface, (centre, radius))
+        })?;
+        if fluid.droplet.is_some() {
+            interaction.overlap.moved(&fluid.mesh);
+        }
         self.interaction.balance(dt, report);
         self.phase = Phase::Accepted;
         Ok(())

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::time::Instant;
 use voidage_fluid::Mesh;
 use voidage_fluid::flow::State;
-use voidage_fluid::mesh::Remeshed;
+use voidage_fluid::mesh::{Rectangle, Remeshed};
 
 /// When a domain is remeshed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,8 +33,10 @@ impl Default for Remesh {
 #[derive(Clone, Debug)]
 pub struct Remesher<const D: usize> {
     when: Remesh,
-    /// Lengths that edges should have, by node, m.
+    /// Lengths that edges should have, by node, m; beside a droplet they are shorter.
     spacing: Vec<f64>,
+    /// The domain without its droplet, if it says how long edges should be: what is finer around a droplet then follows it exactly.
+    domain: Option<Rectangle>,
     /// Step after which the mesh was last made.
     last: u64,
     tools: Tools<D>,
@@ -61,7 +63,12 @@ impl Remesher<2> {
     /// Remeshes a domain with edges as long as they are now.
     pub fn new(mesh: &Mesh<2>, when: Remesh) -> Self {
         let tools = Tools { make: Mesh::<2>::remesh, angle: |mesh| mesh.quality().smallest_angle };
-        Self { when, spacing: mesh.spacing(), last: 0, tools }
+        Self { when, spacing: mesh.spacing(), domain: None, last: 0, tools }
+    }
+
+    /// The same for a domain with a droplet: `domain` says how long edges should be without it.
+    pub fn around_droplet(mesh: &Mesh<2>, domain: Option<Rectangle>, when: Remesh) -> Self {
+        Self { domain, ..Self::new(mesh, when) }
     }
 }
 
@@ -73,6 +80,13 @@ impl<const D: usize> Fluid<D> {
         let Clock { time, steps } = self.clock;
         if steps - remesher.last < when.every && (tools.angle)(&self.mesh) >= when.angle {
             return Ok(false);
+        }
+        if let Some(droplet) = &self.droplet {
+            let wanted = self.mesh.points.iter().zip(&mut remesher.spacing);
+            wanted.for_each(|(x, spacing)| {
+                let far = remesher.domain.as_ref().map_or(*spacing, |domain| domain.size_at([x[0], x[1]]));
+                *spacing = far.min(droplet.spacing(x));
+            });
         }
         let remeshed = (tools.make)(&self.mesh, &remesher.spacing)?;
         let old = &self.accepted;
@@ -86,25 +100,39 @@ impl<const D: usize> Fluid<D> {
         if let Some(motion) = &mut self.motion {
             motion.remeshed(&remeshed, time);
         }
+        if let Some(droplet) = &mut self.droplet {
+            droplet.remeshed(&remeshed.mesh)?;
+        }
         self.set_mesh(remeshed.mesh, fields)?;
         Ok(true)
     }
 
-    /// The mesh, if the domain has been remeshed.
+    /// The mesh, if the domain has been remeshed or has a droplet, which moves as the run goes.
     pub fn remesh_state(&self) -> Option<RemeshState<D>> {
-        let Remesher { spacing, last, .. } = self.remesher.as_ref().filter(|remesher| remesher.last > 0)?;
-        let motion = self.motion.as_ref().map_or_else(Vec::new, |motion| motion.state());
+        let remesher = self.remesher.as_ref();
+        let Remesher { spacing, last, .. } =
+            remesher.filter(|remesher| remesher.last > 0 || self.droplet.is_some())?;
+        let motion = match (&self.motion, &self.droplet) {
+            (Some(motion), _) => motion.state(),
+            (None, Some(droplet)) => droplet.motion(),
+            (None, None) => Vec::new(),
+        };
         Some(RemeshState { mesh: self.mesh.clone(), motion, spacing: spacing.clone(), last: *last })
     }
 
-    fn take_remeshed(&mut self, state: RemeshState<D>) {
+    fn take_remeshed(&mut self, state: RemeshState<D>) -> Result<()> {
         if let Some(remesher) = &mut self.remesher {
             (remesher.spacing, remesher.last) = (state.spacing, state.last);
             (self.mesh, self.moved) = (state.mesh, true);
             if let Some(motion) = &mut self.motion {
                 motion.restore(&state.motion);
             }
+            if let Some(droplet) = &mut self.droplet {
+                droplet.restore(&self.mesh, &state.motion)?;
+            }
+            self.nodal_volume = self.mesh.nodal_volume();
         }
+        Ok(())
     }
 }
 
@@ -139,7 +167,7 @@ impl<const D: usize> Coupled<D> {
     /// A mesh that cannot be searched.
     pub fn take_remeshed(&mut self, state: RemeshState<D>) -> Result<()> {
         if let Some(fluid) = self.fluid_mut() {
-            fluid.take_remeshed(state);
+            fluid.take_remeshed(state)?;
         }
         self.mixture_mut().map_or(Ok(()), Mixture::search_again)
     }

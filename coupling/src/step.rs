@@ -44,8 +44,11 @@ impl<const D: usize> Coupled<D> {
                 *clock = Clock { time: clock.time + dt, steps: clock.steps + 1 };
             }
             System::Fluid(fluid) => {
+                if let Some(droplet) = &mut fluid.droplet {
+                    droplet.begin();
+                }
                 fluid.solve(dt, None, &mut report)?;
-                fluid.accept(dt);
+                fluid.accept(dt)?;
                 fluid.clock.steps += 1;
             }
             System::Mixture(mixture) => {

@@ -110,10 +110,25 @@ impl<const K: usize> KeptRows<K> {
     }
 
     /// Calls `f(node, A x - b)` with the equations of each node at a solution x: the reaction of what holds the node.
-    pub fn reactions(&self, pattern: &Pattern, x: &[f64], mut f: impl FnMut(usize, [f64; K])) {
+    pub fn reactions(&self, pattern: &Pattern, x: &[f64], f: impl FnMut(usize, [f64; K])) {
+        self.rows(pattern, x, |k| std::array::from_fn(|i| -self.rhs[K * k + i]), f);
+    }
+
+    /// Calls `f(node, A x)` with the equations of each node: how the reaction grows with x.
+    pub fn products(&self, pattern: &Pattern, x: &[f64], f: impl FnMut(usize, [f64; K])) {
+        self.rows(pattern, x, |_| [0.0; K], f);
+    }
+
+    fn rows(
+        &self,
+        pattern: &Pattern,
+        x: &[f64],
+        start: impl Fn(usize) -> [f64; K],
+        mut f: impl FnMut(usize, [f64; K]),
+    ) {
         let mut next = 0;
         for (k, &node) in self.nodes.iter().enumerate() {
-            let mut left: [f64; K] = std::array::from_fn(|i| -self.rhs[K * k + i]);
+            let mut left = start(k);
             for position in pattern.range(node) {
                 let column = pattern.columns[position] as usize;
                 for (i, row) in self.blocks[next].iter().enumerate() {

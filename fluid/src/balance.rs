@@ -92,6 +92,8 @@ impl<const D: usize, const B: usize> Solved<'_, D, B> {
                 FlowCondition::NoSlip | FlowCondition::Slip => {
                     (along(phi, &|node| self.geometry.velocity_of(node)), false)
                 }
+                // [`crate::body`] knows what passes bodies.
+                FlowCondition::Body(_) => (0.0, false),
             };
             out.flux += weight * flux;
             for (k, capacity) in self.capacity.iter().enumerate() {
@@ -119,7 +121,7 @@ pub(crate) const NOBODY: u32 = u32::MAX;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Owners<const D: usize> {
     /// The last condition that fixes each node.
-    fixed: Vec<u32>,
+    pub fixed: Vec<u32>,
     /// Nodes that slide along walls: node, condition, and the sum of normals times measure of its facets there; in the order of nodes.
     sliding: Vec<(u32, u32, Vector<D>)>,
 }

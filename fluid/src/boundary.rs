@@ -32,6 +32,14 @@ impl<'a, const D: usize> Facet<'a, D> {
         }
     }
 
+    /// Calls `f(node, integral of w phi)` for all nodes, w given as in [`Self::mass`].
+    pub fn load(&self, weight: impl Fn(&[f64; 3]) -> f64, mut f: impl FnMut(u32, f64)) {
+        for a in 0..D {
+            let sum: f64 = facet_rule::<D>().iter().map(|(phi, share)| share * phi[a] * weight(phi)).sum();
+            f(self.nodes[a], self.measure * sum);
+        }
+    }
+
     /// min(wind . n, 0) at a quadrature point: what enters.
     pub fn inflow(&self, phi: &[f64; 3], wind: impl Fn(usize) -> Vector<D>) -> f64 {
         self.at(phi, |node| wind(node).dot(&self.normal)).min(0.0)
@@ -91,6 +99,8 @@ impl<const D: usize, const B: usize> BoundaryTerms<'_, D, B> {
                             add(&|_| 1.0, &|node| moving[node]);
                         }
                     }
+                    // [`crate::body`] adds what passes bodies.
+                    FlowCondition::Body(_) => {}
                 }
             }
         }

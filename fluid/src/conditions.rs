@@ -1,5 +1,6 @@
 //! What is prescribed on the boundary, by the name of its part.
 
+use crate::body::Body;
 use crate::{Error, Mesh, Result, Vector};
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +68,8 @@ pub enum FlowCondition<const D: usize> {
         /// Pressure outside, Pa.
         pressure: f64,
     },
+    /// A body that moves in the fluid and lets vapour out; another part must be open.
+    Body(Body<D>),
 }
 
 /// Condition on a scalar.
@@ -118,6 +121,11 @@ pub fn check<const D: usize>(mesh: &Mesh<D>, conditions: &[Condition<D>]) -> Res
             return Err(Error::Mesh(format!("two conditions for the boundary `{}`", condition.boundary)));
         }
     }
+    let open = conditions.iter().any(|condition| matches!(condition.flow, FlowCondition::Open { .. }));
+    if let Some(body) = conditions.iter().find(|c| matches!(c.flow, FlowCondition::Body(_))).filter(|_| !open) {
+        let name = &body.boundary;
+        return Err(Error::Mesh(format!("`{name}` is a body, but no boundary is open: give one `flow = \"open\"`")));
+    }
     match mesh.boundaries.iter().find(|b| !conditions.iter().any(|c| c.boundary == b.name)) {
         Some(bare) => Err(Error::Mesh(format!("no condition for the boundary `{}` of the mesh", bare.name))),
         None => Ok(()),
@@ -160,7 +168,8 @@ pub fn constraints<const D: usize>(
                         add_normal(mesh, facet, wall(), &mut constraints[node]);
                         continue;
                     }
-                    FlowCondition::Open { .. } => continue,
+                    // What holds the nodes of a body is known once its vapour is.
+                    FlowCondition::Open { .. } | FlowCondition::Body(_) => continue,
                 };
                 constraints[node] = Some(Constraint::Fixed(value));
             }

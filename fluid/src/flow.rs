@@ -2,6 +2,7 @@
 
 use crate::assembly::{Assembler, KeptRows, System};
 use crate::balance::{self, Balance, NOBODY, Owners, Solved};
+use crate::body::{Bodies, BodyAnswer};
 use crate::conditions::{self, Condition, Constraint, FlowCondition, ScalarCondition};
 use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
@@ -73,7 +74,7 @@ pub struct Report {
     pub flow_iterations: usize,
     /// Iterations of the linear solvers of the scalars.
     pub scalar_iterations: usize,
-    /// Relative residual of the last flow system.
+    /// Largest relative residual of the flow systems.
     pub residual: f64,
     /// Whether the flow matrix was factored anew.
     pub factored: bool,
@@ -112,6 +113,7 @@ pub struct Flow<const D: usize, const B: usize> {
     kept: KeptRows<B>,
     sorted: PointsByCell,
     solid_flux: Vec<Vector<D>>,
+    bodies: Bodies<D>,
     unknown: Vec<f64>,
 }
 
@@ -145,6 +147,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow),
             scalars: scalars.iter().map(equation).collect(),
             solid_flux: Vec::new(),
+            bodies: Bodies::default(),
             kept: KeptRows::default(),
             owners: Owners::default(),
             unknown: vec![0.0; nodes * B],
@@ -178,6 +181,11 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         &self.next
     }
 
+    /// What the step in hand says of the bodies, in the order of the conditions.
+    pub fn bodies(&self) -> impl Iterator<Item = BodyAnswer<D>> {
+        self.bodies.answers()
+    }
+
     /// Last accepted values.
     pub fn state(&self) -> &State<D> {
         &self.state
@@ -202,6 +210,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     /// Drops all that the linear solvers keep between steps, so that what follows depends on the state only.
     pub fn forget(&mut self) {
         self.solver.forget();
+        self.bodies.forget();
         self.scalars.iter_mut().for_each(|equation| equation.solver.forget());
     }
 
@@ -236,6 +245,15 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             report.scalars_s = start.elapsed().as_secs_f64();
         }
         let start = Instant::now();
+        let (equations, pattern, next) = (&self.scalars, &self.assembler.pattern, &self.next.scalars);
+        self.bodies.boil(&self.geometry, conditions, |number, k| {
+            let Equation { kept, holder, .. } = &equations[k];
+            let mut given = 0.0;
+            kept.reactions(pattern, &next[k], |node, [reaction]| {
+                given -= if holder[node] as usize == number { reaction } else { 0.0 };
+            });
+            given
+        });
         self.solid_flux.clear();
         if let Some(points) = points {
             self.solid_flux.resize(self.state.velocity.len(), Vector::zeros());
@@ -261,6 +279,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             new: &self.next,
         };
         solved.integrals(out);
+        let value = |k: usize, node: usize| capacity[k] * self.next.scalars[k][node];
+        self.bodies.balance(&self.geometry, conditions, voidage, value, out);
         let pattern = &self.assembler.pattern;
         self.kept.reactions(pattern, &self.unknown, |node, reaction| {
             self.owners.share_force(node, Vector::from_fn(|i, _| -reaction[i]), out);
@@ -334,7 +354,9 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             geometry.motion(),
             &mut self.constraints,
         );
+        self.bodies.constrain(geometry, conditions, voidage, &mut self.constraints);
         let terms = boundary::BoundaryTerms { geometry, conditions, voidage };
+        self.bodies.add_mass(geometry, conditions, voidage, &mut self.system);
         let through = terms.add_flow(self.properties.density, &self.state.velocity, &mut self.system);
         self.owners.fill(geometry, conditions);
         let held = self.constraints.iter().enumerate().filter(|(_, constraint)| constraint.is_some());
@@ -352,10 +374,24 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             block[..D].copy_from_slice(start.velocity[node].as_slice());
             block[D] = start.pressure[node];
         }
-        let solved = self.solver.solve(&self.system.matrix, &self.system.rhs, &mut self.unknown)?;
-        report.flow_iterations += solved.iterations;
-        report.residual = solved.residual;
-        report.factored |= solved.factored;
+        self.bodies.at_rest(&mut self.unknown);
+        let mut solve = |system: &System<B>, rhs: &[f64], x: &mut [f64]| {
+            let solved = self.solver.solve(&system.matrix, rhs, x)?;
+            report.flow_iterations += solved.iterations;
+            report.residual = report.residual.max(solved.residual);
+            report.factored |= solved.factored;
+            Ok(())
+        };
+        solve(&self.system, &self.system.rhs, &mut self.unknown)?;
+        if !self.bodies.is_empty() {
+            self.bodies.release(
+                (geometry, conditions, voidage),
+                (&self.owners.fixed, &self.kept),
+                &self.system,
+                &mut self.unknown,
+                solve,
+            )?;
+        }
         for (node, block) in self.unknown.chunks_exact(B).enumerate() {
             self.next.velocity[node].copy_from_slice(&block[..D]);
             self.next.pressure[node] = block[D];

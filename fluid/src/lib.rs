@@ -8,6 +8,7 @@
 
 pub mod assembly;
 pub mod balance;
+pub mod body;
 pub mod boundary;
 pub mod conditions;
 pub mod element;

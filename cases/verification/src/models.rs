@@ -291,7 +291,7 @@ pub fn steps_alone(fluid: &mut Fluid<2>, dt: f64, count: u64) -> Result<()> {
         let step =
             FluidStep { number, time, dt, immersed: None, conditions: &fluid.conditions, motion: None };
         fluid.backend.solve(&step, &mut fluid.solution)?;
-        fluid.accept(dt);
+        fluid.accept(dt)?;
     }
     Ok(())
 }

@@ -5,16 +5,20 @@ use crate::Scene;
 use crate::placing::{Placed, Placing};
 use voidage_coupling::backend::{FluidBackend, Model, RustFluid};
 use voidage_coupling::closure::ThermalFluid;
+use voidage_coupling::droplet::wet::Water;
+use voidage_coupling::droplet::{self, Droplet};
 use voidage_coupling::error::{Error, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::motion::Oscillation;
 use voidage_coupling::remesh::Remesher;
 use voidage_coupling::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
 use voidage_dem::{ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
+use voidage_fluid::body::{Body, BodyMotion};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::{Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::linear::{Method, Options};
+use voidage_fluid::mesh::{Hole, Rectangle};
 use voidage_fluid::transport::{Scalar, ThinCell};
 use voidage_fluid::{Mesh, Vector};
 use voidage_remote::launch::{self, Host};
@@ -208,7 +212,9 @@ pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2>
 // ----------------------------------------------------------------------------------------------- fluid
 
 fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2>> {
-    let mesh = mesh(scene, described)?;
+    let mut mesh = mesh(scene, described)?;
+    let droplet = scene.droplet.as_ref().map(|droplet| self::droplet(scene, described, droplet, &mut mesh));
+    let droplet = droplet.transpose()?;
     let nodes = mesh.points.len();
     let temperature = described.heat.iter().map(|heat| heat.initial_temperature);
     let initial = temperature.chain(described.scalars.iter().map(|scalar| scalar.initial));
@@ -218,8 +224,13 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
         scalars: initial.map(|value| vec![value; nodes]).collect(),
     };
     let names = scalars(described).into_iter().map(|scalar| scalar.name).collect();
-    let mut fluid = Fluid::new(backend(scene, host)?, mesh, start, names, conditions(described))?;
+    let mut fluid = Fluid::new(backend(scene, host)?, mesh, start, names, conditions(scene, described))?;
     fluid.ramp = described.ramp;
+    if let (Some(droplet), Some(of)) = (droplet, &scene.droplet) {
+        fluid.droplet = Some(Box::new(droplet));
+        fluid.remesher =
+            Some(Remesher::around_droplet(&fluid.mesh, without(described, &of.boundary), of.remesh));
+    }
     if let Some(motion) = &described.mesh_motion {
         fluid.motion = Some(Box::new(oscillation(scene, motion, &fluid.mesh)?));
         fluid.remesher = motion.remesh.map(|when| Remesher::new(&fluid.mesh, when));
@@ -248,7 +259,7 @@ pub fn setup(scene: &Scene) -> Option<Setup<2>> {
             properties: properties(scene, fluid),
             scalars: scalars(fluid),
             numerics: numerics(fluid),
-            conditions: conditions(fluid),
+            conditions: conditions(scene, fluid),
         })
     })
 }
@@ -331,7 +342,8 @@ fn numerics(fluid: &scene::Fluid) -> Numerics {
     }
 }
 
-fn conditions(fluid: &scene::Fluid) -> Vec<Condition<2>> {
+/// The conditions of the boundaries, and behind them that of the droplet, whose body is filled in by each step.
+fn conditions(scene: &Scene, fluid: &scene::Fluid) -> Vec<Condition<2>> {
     let of = |boundary: &scene::Boundary| {
         let heat = fluid.heat.iter().map(|_| heat_condition(boundary.heat.as_ref()));
         let others = fluid.scalars.iter().map(|s| scalar_condition(boundary.scalars.get(&s.name)));
@@ -341,7 +353,91 @@ fn conditions(fluid: &scene::Fluid) -> Vec<Condition<2>> {
             scalars: heat.chain(others).collect(),
         }
     };
-    fluid.boundaries.iter().map(of).collect()
+    let droplet = scene.droplet.iter().map(|droplet| {
+        let value = |value: f64| ScalarCondition::Value(Prescribed::Uniform(value));
+        let heat = fluid.heat.iter().map(|_| value(droplet.temperature));
+        let others = fluid.scalars.iter().map(|scalar| {
+            droplet.scalars.get(&scalar.name).map_or(ScalarCondition::Insulated, |at| value(*at))
+        });
+        Condition {
+            boundary: droplet.boundary.clone(),
+            flow: FlowCondition::Body(Body {
+                centre: Vector::zeros(),
+                radius: 1.0,
+                expansion: 0.0,
+                motion: BodyMotion::Held(Vector::zeros()),
+                evaporation: None,
+                solid: vec![],
+            }),
+            scalars: heat.chain(others).collect(),
+        }
+    });
+    fluid.boundaries.iter().map(of).chain(droplet).collect()
+}
+
+/// The droplet of a scene, in the hole of the mesh that it has.
+fn droplet(
+    scene: &Scene,
+    fluid: &scene::Fluid,
+    described: &scene::Droplet,
+    mesh: &mut Mesh<2>,
+) -> Result<Droplet<2>> {
+    let hole = match &fluid.mesh {
+        scene::MeshSource::Rectangle(rectangle) => {
+            rectangle.holes.iter().find(|hole| hole.name == described.boundary)
+        }
+        scene::MeshSource::File(_) => None,
+    };
+    let (place, growth) = match hole {
+        Some(hole) => ((Vector::from(hole.centre), hole.radius), hole.growth),
+        None => (round(mesh, &described.boundary)?, Hole::default_growth()),
+    };
+    let liquid = &described.liquid;
+    let coupling = scene.coupling.clone().unwrap_or_default();
+    let material = droplet::Material {
+        water: Water {
+            density: liquid.density,
+            viscosity: liquid.viscosity,
+            thermal: ThermalFluid {
+                conductivity: liquid.conductivity,
+                prandtl: liquid.heat_capacity * liquid.viscosity / liquid.conductivity,
+            },
+            drag: coupling.drag,
+            heat: coupling.heat.unwrap_or_default(),
+            voidage_function: coupling.voidage_function,
+        },
+        temperature: described.temperature,
+        latent_heat: described.latent_heat,
+        vapour_density: fluid.density,
+        gravity: scene.gravity.vector(),
+        held: described.held,
+    };
+    let velocity = described.velocity.as_ref().map_or_else(Vector::zeros, |v| v.vector());
+    Droplet::new(mesh, &described.boundary, place, (velocity, growth), material).map_err(|error| {
+        let message = format!("`droplet.boundary`: {error}");
+        scene.error("droplet.boundary", message, "give the name of a round hole of the mesh")
+    })
+}
+
+/// Centre and radius (m) of the hole that a part of the boundary is.
+fn round(mesh: &Mesh<2>, name: &str) -> Result<(Vector<2>, f64)> {
+    let part = mesh.boundary(name)?;
+    let (mut area, mut moment) = (0.0, Vector::<2>::zeros());
+    for facet in part.facets.chunks_exact(2) {
+        let [b, a] = [0, 1].map(|k| mesh.points[facet[k] as usize]);
+        let twice = a[0] * b[1] - a[1] * b[0];
+        area += twice / 2.0;
+        moment += (a + b) * (twice / 6.0);
+    }
+    Ok((moment / area, (area.abs() / std::f64::consts::PI).sqrt()))
+}
+
+/// The rectangle of a mesh without the hole of a droplet: how long edges should be far from it.
+fn without(fluid: &scene::Fluid, hole: &str) -> Option<Rectangle> {
+    let scene::MeshSource::Rectangle(rectangle) = &fluid.mesh else { return None };
+    let mut rest = rectangle.clone();
+    rest.holes.retain(|other| other.name != hole);
+    Some(rest)
 }
 
 fn flow_condition(flow: &scene::Flow) -> FlowCondition<2> {

@@ -10,6 +10,7 @@ pub mod build;
 mod check;
 pub mod compare;
 pub mod document;
+mod droplet;
 mod edit;
 mod fluid;
 mod grains;
@@ -24,6 +25,7 @@ pub mod simulation;
 mod tests;
 pub mod totals;
 
+pub use droplet::{Droplet, Liquid};
 pub use fluid::{
     Boundary, Coupling, Flow, Fluid, FluidHeat, FluidScalar, FluidSolver, HeatBoundary, LinearMethod,
     MeshMotion, MeshSource, ScalarBoundary, ThinCell, ThinCellHeat,
@@ -71,6 +73,9 @@ pub struct Scene {
     /// The fluid. Default: none, and then no mesh is built.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fluid: Option<Fluid>,
+    /// A droplet that boils in the fluid. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub droplet: Option<Droplet>,
     /// How grains and fluid act on each other. Default: the defaults of its keys when there are grains and a fluid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling: Option<Coupling>,

@@ -8,6 +8,7 @@ use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, Summary, View, 
 use crate::totals::{Overlap, Totals};
 use serde::{Deserialize, Serialize};
 use voidage_coupling::backend::FluidBackend;
+use voidage_coupling::droplet::{Droplet, DropletState};
 use voidage_coupling::error::{Error, Notice, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::remesh::RemeshState;
@@ -36,6 +37,7 @@ pub struct State {
     grains: Option<voidage_dem::State<2>>,
     fluid: Option<flow::State<2>>,
     remeshed: Option<RemeshState<2>>,
+    droplet: Option<DropletState<2>>,
     at: Option<AtGrains<2>>,
     carried: Option<Carried<2>>,
     departed: u64,
@@ -83,6 +85,11 @@ impl Simulation {
         let state: State = checkpoint.state()?;
         let coupled = &mut self.coupled;
         coupled.set_time(state.time, state.steps);
+        if let (Some(droplet), Some(state)) =
+            (coupled.fluid_mut().and_then(|fluid| fluid.droplet.as_mut()), state.droplet)
+        {
+            droplet.state = state;
+        }
         if let Some(remeshed) = state.remeshed {
             coupled.take_remeshed(remeshed)?;
         }
@@ -298,6 +305,9 @@ impl Simulation {
             let report = last.fluid.unwrap_or_default();
             readings.push(("linear_iterations".into(), report.flow_iterations as f64));
             self.boundary_readings(fluid, &mut readings);
+            if let Some(droplet) = &fluid.droplet {
+                droplet_readings(droplet, &mut readings);
+            }
         }
         if let Some(interaction) = self.coupled.interaction() {
             let agreement = last.agreement.unwrap_or_default();
@@ -368,11 +378,38 @@ impl Simulation {
             grains: coupled.grains().map(|grains| grains.state()),
             fluid,
             remeshed: coupled.fluid().and_then(Fluid::remesh_state),
+            droplet: coupled.fluid().and_then(|fluid| fluid.droplet.as_ref()).map(|d| d.state.clone()),
             at: coupled.interaction().map(|interaction| interaction.at.clone()),
             carried: coupled.interaction().and_then(|interaction| interaction.carried.clone()),
             departed: coupled.interaction().map_or(0, |interaction| interaction.departed),
         })
     }
+}
+
+/// Where a droplet is and what it does.
+fn droplet_readings(droplet: &Droplet<2>, readings: &mut Vec<Reading>) {
+    let (state, settled, material) = (&droplet.state, &droplet.settled, &droplet.material);
+    let [x, y] = [state.centre[0], state.centre[1]];
+    readings.extend([
+        ("droplet_x_m".into(), x),
+        ("droplet_y_m".into(), y),
+        ("droplet_velocity_x_m_per_s".into(), state.velocity[0]),
+        ("droplet_velocity_y_m_per_s".into(), state.velocity[1]),
+        ("droplet_radius_m".into(), state.radius),
+        ("droplet_liquid_kg_per_m".into(), droplet.mass()),
+        ("vaporisation_kg_per_s_per_m".into(), droplet.vaporisation()),
+        ("droplet_gas_force_x_N_per_m".into(), state.force[0]),
+        ("droplet_gas_force_y_N_per_m".into(), state.force[1]),
+        ("droplet_grain_force_x_N_per_m".into(), settled.force[0]),
+        ("droplet_grain_force_y_N_per_m".into(), settled.force[1]),
+        ("droplet_gas_heat_W_per_m".into(), state.heat),
+        ("droplet_grain_heat_W_per_m".into(), settled.heat),
+        ("droplet_lifetime_s".into(), droplet.mass() / droplet.vaporisation()),
+        ("droplet_volume_defect_m2".into(), state.volume),
+        ("droplet_water_defect_kg_per_m".into(), {
+            material.water.density * (droplet.first - state.boiled - state.liquid)
+        }),
+    ]);
 }
 
 /// (m - rho_f V) g over the extent of the mesh across gravity, grains that are held excepted.

@@ -136,6 +136,11 @@ impl<const D: usize> Overlap<D> {
         &self.outside
     }
 
+    /// Takes grains from those outside that are known to be elsewhere.
+    pub fn find(&mut self, elsewhere: impl Fn(usize) -> bool) {
+        self.outside.retain(|grain| !elsewhere(*grain as usize));
+    }
+
     /// Forgets where grains were: their numbers have changed.
     pub fn forget(&mut self) {
         self.hints.clear();

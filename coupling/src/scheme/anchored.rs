@@ -180,9 +180,13 @@ impl Anchor {
         let flux = load.continuity.get_or_insert_default();
         flux.mobility.resize(particles.len(), 0.0);
         flux.velocity.resize(particles.len(), Vector::zeros());
+        let wet = interaction.wet.as_ref();
         for i in 0..particles.len() {
             let drag = load.drag[i];
-            let free = if particles.held(i) { 0.0 } else { slope(particles.mass[i], drag, dt, substeps) };
+            // The water of a droplet holds the grain too, and does not depend on the forcing of the gas.
+            let whole_drag = drag + wet.map_or(0.0, |wet| wet.drag(i));
+            let free =
+                if particles.held(i) { 0.0 } else { slope(particles.mass[i], whole_drag, dt, substeps) };
             let agreed = carried.impulse[i].norm() <= CALM * free * drag * forcing.force[i].norm() * dt;
             let [momentum, mass] =
                 shares::<D>(self.bonds.of(i), cautious || !agreed).map(|share| share * free);
@@ -195,6 +199,13 @@ impl Anchor {
             flux.velocity[i] -= carried.displacement[i] * (RETURNED / (1.0 + confined) / whole);
         }
         self.fill_heat(grains, interaction, forcing, (part, substeps));
+        let Interaction { wet, load, .. } = interaction;
+        if let Some(wet) = wet {
+            let (velocity, temperature) = (grains.mean_velocity(), grains.mean_temperature());
+            wet.expect(|i| {
+                (velocity[i], load.mobility[i], temperature.get(i).copied().unwrap_or_default())
+            });
+        }
     }
 
     fn fill_heat<const D: usize>(
@@ -204,12 +215,14 @@ impl Anchor {
         forcing: &Forcing<D>,
         (Part { dt, whole }, substeps): (Part, usize),
     ) {
-        let (Some(law), Some(heat)) = (&mut interaction.load.heat, &grains.particles.heat) else { return };
-        let Some(carried) = &interaction.carried else { return };
+        let Interaction { load, carried, wet, .. } = interaction;
+        let (Some(law), Some(heat)) = (&mut load.heat, &grains.particles.heat) else { return };
+        let Some(carried) = carried else { return };
         let response = grains.mean_temperature();
         let mut conductance = grains.conductance();
         for i in 0..response.len() {
-            let (capacity, transfer) = (heat.capacity[i], law.coefficient[i]);
+            let in_water = wet.as_ref().map_or(0.0, |wet| wet.transfer(i));
+            let (capacity, transfer) = (heat.capacity[i], law.coefficient[i] + in_water);
             let inertia = capacity * substeps as f64 / dt + transfer;
             let contacts = conductance.next().unwrap_or(0.0);
             let mobility = inertia / (inertia + contacts) * slope(capacity, transfer, dt, substeps);

@@ -8,6 +8,7 @@
 
 use super::cut::{Part, Trial};
 use super::once;
+use crate::droplet::wet::Stream;
 use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
 use voidage_dem::Dem;
 use voidage_fluid::Vector;
@@ -25,7 +26,9 @@ impl<const D: usize> Trial<D> for Henry {
         Part { dt, .. }: Part,
         report: &mut StepReport,
     ) -> Result<Agreement> {
-        once(mixture, dt, report, |grains, interaction| predict(grains, interaction, self.contacts, dt))
+        once(mixture, dt, report, |grains, interaction, stream| {
+            predict(grains, interaction, self.contacts, dt, stream);
+        })
     }
 }
 
@@ -35,26 +38,38 @@ pub(super) fn predict<const D: usize>(
     interaction: &mut Interaction<D>,
     contacts: bool,
     dt: f64,
+    stream: Option<Stream<D>>,
 ) {
     let (particles, gravity) = (&grains.particles, grains.settings().gravity);
-    let load = &mut interaction.load;
+    let Interaction { load, wet, at, .. } = interaction;
+    let water = wet.as_ref().zip(stream.as_ref());
     for i in 0..particles.len() {
         // A held grain (infinite mass) keeps its velocity whatever the fluid does.
         (load.mobility[i], load.velocity[i]) = if particles.held(i) {
             (0.0, particles.velocity[i])
         } else {
             let inertia = particles.mass[i] / dt;
-            let mobility = 1.0 / (inertia + load.drag[i]);
+            let (in_water, push) =
+                water.map_or((0.0, Vector::zeros()), |(wet, stream)| (wet.drag(i), wet.push(i, stream)));
+            let mobility = 1.0 / (inertia + load.drag[i] + in_water);
             let force = if contacts { grains.contact_force()[i] } else { Vector::zeros() };
-            let total = particles.velocity[i] * inertia + gravity * particles.mass[i] + force;
+            let total = particles.velocity[i] * inertia + gravity * particles.mass[i] + force + push;
             (mobility, total * mobility)
         };
     }
-    let (Some(law), Some(heat)) = (&mut load.heat, &particles.heat) else { return };
-    for i in 0..particles.len() {
-        let inertia = heat.capacity[i] / dt;
-        let conducted = grains.contact_heat().get(i).copied().unwrap_or(0.0);
-        law.mobility[i] = 1.0 / (inertia + law.coefficient[i]);
-        law.temperature[i] = law.mobility[i] * (inertia * heat.temperature[i] + conducted);
+    if let (Some(law), Some(heat)) = (&mut load.heat, &particles.heat) {
+        for i in 0..particles.len() {
+            let inertia = heat.capacity[i] / dt;
+            let conducted = grains.contact_heat().get(i).copied().unwrap_or(0.0);
+            let (in_water, warmth) = water.map_or((0.0, 0.0), |(wet, stream)| {
+                (wet.transfer(i), wet.transfer(i) * stream.temperature)
+            });
+            law.mobility[i] = 1.0 / (inertia + law.coefficient[i] + in_water);
+            law.temperature[i] = law.mobility[i] * (inertia * heat.temperature[i] + conducted + warmth);
+        }
+    }
+    if let Some(wet) = wet {
+        let temperature = |i| load.heat.as_ref().map_or(0.0, |law| law.expected(at, i));
+        wet.expect(|i| (load.expected(at, i), load.mobility[i], temperature(i)));
     }
 }

@@ -17,8 +17,8 @@ impl<const D: usize> Trial<D> for Lagged {
         Part { dt, .. }: Part,
         report: &mut StepReport,
     ) -> Result<Agreement> {
-        once(mixture, dt, report, |grains, interaction| {
-            henry::predict(grains, interaction, false, dt);
+        once(mixture, dt, report, |grains, interaction, stream| {
+            henry::predict(grains, interaction, false, dt, stream);
             let flux = interaction.load.continuity.get_or_insert_default();
             explicit::freeze(grains, &mut flux.mobility, &mut flux.velocity);
         })

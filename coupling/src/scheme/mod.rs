@@ -23,6 +23,7 @@ pub mod relaxation;
 use self::cut::{Cut, Cutting};
 use self::iterated::{Iterated, Iteration};
 use crate::agreement::{Agreement, Comparison};
+use crate::droplet::wet::Stream;
 use crate::{Interaction, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -101,13 +102,14 @@ fn once<const D: usize>(
     mixture: &mut Mixture<D>,
     dt: f64,
     report: &mut StepReport,
-    predict: impl FnOnce(&Dem<D>, &mut Interaction<D>),
+    predict: impl FnOnce(&Dem<D>, &mut Interaction<D>, Option<Stream<D>>),
 ) -> Result<Agreement> {
     mixture.cut_grains(report)?;
     mixture.evaluate_closures(report)?;
     // A scheme before this one may have left a law of its own for the solid flux.
     mixture.interaction.load.continuity = None;
-    predict(&mixture.grains, &mut mixture.interaction);
+    let stream = mixture.fluid.droplet.as_ref().map(|droplet| droplet.stream());
+    predict(&mixture.grains, &mut mixture.interaction, stream);
     mixture.solve_fluid(dt, report)?;
     mixture.move_grains(dt, report);
     Ok(agreement(mixture, dt))

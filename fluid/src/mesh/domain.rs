@@ -171,6 +171,13 @@ fn default_growth() -> f64 {
     0.2
 }
 
+impl Hole {
+    /// The growth of sizes around a hole that says none.
+    pub fn default_growth() -> f64 {
+        default_growth()
+    }
+}
+
 impl Place {
     /// Distance from a point to the place; zero inside a box.
     pub fn distance(&self, p: [f64; 2]) -> f64 {

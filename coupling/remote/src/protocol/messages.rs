@@ -12,6 +12,7 @@ use voidage_coupling::backend::{FluidStep, Solution};
 use voidage_coupling::error::PeerError;
 use voidage_fluid::Vector;
 use voidage_fluid::balance::Balance;
+use voidage_fluid::body::BodyAnswer;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::flow::Report;
 
@@ -127,7 +128,12 @@ fn numbers_of_balance(dimension: usize, scalars: usize) -> usize {
     1 + dimension + 2 * scalars
 }
 
-/// The answer of the fluid: fields, the balances of the parts of the boundary, and the report behind them.
+/// Numbers that answer for a body: its velocity and its vapour.
+fn numbers_of_body(dimension: usize) -> usize {
+    dimension + 1
+}
+
+/// The answer of the fluid: fields, the balances of the parts of the boundary, the bodies, and the report behind them.
 pub struct SolutionMessage<'a, const D: usize> {
     solution: &'a Solution<D>,
     layout: TableLayout,
@@ -141,8 +147,9 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
 
     /// Its header.
     pub fn header(&self) -> Header {
-        let Solution { fields, balances, .. } = self.solution;
-        let numbers = balances.len() * numbers_of_balance(D, fields.scalars.len());
+        let Solution { fields, balances, bodies, .. } = self.solution;
+        let numbers = balances.len() * numbers_of_balance(D, fields.scalars.len())
+            + bodies.len() * numbers_of_body(D);
         let length = (self.layout.end() + numbers + REPORT) as u64;
         let header = Header { parts: balances.len() as u64, length, ..Header::new(Kind::Solution) };
         self.layout.describe(fields.scalars(), header)
@@ -156,6 +163,9 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
             let scalars = balance.scalars.iter().chain(&balance.convected).copied();
             std::iter::once(balance.flux).chain(force).chain(scalars)
         });
+        let bodies = self.solution.bodies.iter();
+        let bodies =
+            bodies.flat_map(|body| body.velocity.iter().copied().chain(std::iter::once(body.vapour)));
         let report = &self.solution.report;
         let report = [
             report.flow_iterations as f64,
@@ -165,7 +175,7 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
             report.scalars_s,
             report.flow_s,
         ];
-        let numbers = balances.chain(report);
+        let numbers = balances.chain(bodies).chain(report);
         payload[self.layout.end()..].iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
     }
 }
@@ -192,9 +202,12 @@ pub fn read_solution<const D: usize>(
     let place = fields_at(header, payload, 0, &mut out.fields)?;
     let width = numbers_of_balance(D, scalars);
     let end = place.end() + header.parts as usize * width;
-    let Some(report) = payload.get(end..end + REPORT) else {
+    // Between the balances and the report, which is the end, lie the bodies.
+    let rest = (header.length as usize).checked_sub(end + REPORT).filter(|_| payload.len() as u64 >= header.length);
+    let Some(bodies) = rest.filter(|rest| rest % numbers_of_body(D) == 0) else {
         return wrong("a solution without report".into());
     };
+    let (bodies, report) = payload[end..header.length as usize].split_at(bodies);
     out.balances.clear();
     out.balances.extend(payload[place.end()..end].chunks_exact(width).map(|numbers| {
         let (given, convected) = numbers[1 + D..].split_at(scalars);
@@ -204,6 +217,11 @@ pub fn read_solution<const D: usize>(
             scalars: given.to_vec(),
             convected: convected.to_vec(),
         }
+    }));
+    out.bodies.clear();
+    out.bodies.extend(bodies.chunks_exact(numbers_of_body(D)).map(|numbers| BodyAnswer {
+        velocity: Vector::from_column_slice(&numbers[..D]),
+        vapour: numbers[D],
     }));
     out.report = Report {
         flow_iterations: report[0] as usize,

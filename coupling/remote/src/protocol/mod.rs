@@ -7,7 +7,7 @@
 //! fluid   hello     its name                     grains  hello     all that does not change, as JSON (`Setup`)
 //! grains  mesh      mesh, names, fields          fluid   mesh      done
 //! grains  state     other fields                 fluid   state     done
-//! grains  step      point terms                  fluid   solution  nodal fields, balances of the boundary, report
+//! grains  step      point terms                  fluid   solution  nodal fields, balances of the boundary, bodies, report
 //! grains  bye
 //! ```
 //!

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use voidage_coupling::backend::{FluidStep, Immersed, Model, Solution};
 use voidage_coupling::error::PeerError;
 use voidage_fluid::balance::Balance;
+use voidage_fluid::body::BodyAnswer;
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::{Report, State};
 use voidage_fluid::mesh::{Mesh, Rectangle, Side, Sides};
@@ -132,8 +133,10 @@ fn a_solution_comes_back_as_it_was() {
     };
     let report =
         Report { flow_iterations: 7, residual: 1e-9, factored: true, flow_s: 0.2, ..Report::default() };
-    for balances in [vec![], vec![balance(1.0), balance(2.0), balance(3.0)]] {
-        let solution = Solution { fields: fields(4), balances, report, transport_s: 0.0 };
+    let bodies = vec![BodyAnswer { velocity: Vector::<2>::new(0.7, 0.8), vapour: 0.9 }];
+    let parts = vec![balance(1.0), balance(2.0), balance(3.0)];
+    for (balances, bodies) in [(vec![], vec![]), (parts.clone(), vec![]), (parts, bodies)] {
+        let solution = Solution { fields: fields(4), balances, bodies, report, transport_s: 0.0 };
         let message = SolutionMessage::new(&solution);
         let header = message.header();
         let mut payload = vec![f64::NAN; header.length as usize];
@@ -141,6 +144,7 @@ fn a_solution_comes_back_as_it_was() {
         let mut copy = Solution::default();
         read_solution(&header, &payload, (4, 2, 3), &mut copy).expect("a solution");
         assert_eq!((&copy.fields, &copy.balances), (&solution.fields, &solution.balances));
+        assert_eq!(copy.bodies, solution.bodies);
         assert_eq!((copy.report.flow_iterations, copy.report.factored), (7, true));
         assert!(read_solution(&header, &payload, (5, 2, 3), &mut copy).is_err());
         assert!(read_solution(&header, &payload, (4, 1, 3), &mut copy).is_err());

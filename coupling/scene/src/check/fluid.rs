@@ -2,7 +2,7 @@
 
 use super::{Checked, coordinates, fail, known, not_negative, positive, tolerance, within};
 use crate::{
-    Backend, Boundary, Flow, Fluid, FluidHeat, HeatBoundary, MeshSource, ScalarBoundary, Scene, Solver,
+    Backend, Boundary, Droplet, Flow, Fluid, FluidHeat, HeatBoundary, Liquid, MeshSource, ScalarBoundary, Scene, Solver,
 };
 use voidage_coupling::TEMPERATURE;
 use voidage_fluid::mesh::{Rectangle, Sides};
@@ -185,6 +185,52 @@ fn names(rectangle: &Rectangle) -> Vec<&str> {
     names
 }
 
+/// Checks of a droplet.
+pub(super) fn droplet(scene: &Scene, droplet: &Droplet) -> Checked {
+    let Some(fluid) = &scene.fluid else {
+        let message = "`[droplet]` is there, but no fluid";
+        return fail(scene, "droplet", message, "add `[fluid]`, or take it away");
+    };
+    let Liquid { density, viscosity, heat_capacity, conductivity } = droplet.liquid;
+    for (key, value) in [
+        ("temperature", droplet.temperature),
+        ("latent_heat", droplet.latent_heat),
+        ("liquid.density", density),
+        ("liquid.viscosity", viscosity),
+        ("liquid.heat_capacity", heat_capacity),
+        ("liquid.conductivity", conductivity),
+        ("remesh.every", droplet.remesh.every as f64),
+    ] {
+        positive(scene, &format!("droplet.{key}"), value)?;
+    }
+    within(scene, "droplet.remesh.angle", droplet.remesh.angle, 0.0, 25.0)?;
+    if let Some(velocity) = &droplet.velocity {
+        coordinates(scene, "droplet.velocity", velocity)?;
+    }
+    let scalars: Vec<&str> = fluid.scalars.iter().map(|scalar| scalar.name.as_str()).collect();
+    for name in droplet.scalars.keys() {
+        known(scene, &format!("droplet.scalars.{name}"), name, &scalars, "scalar of the fluid")?;
+    }
+    let name = &droplet.boundary;
+    if fluid.boundaries.iter().any(|boundary| boundary.name == *name) {
+        let message = format!("`droplet.boundary = \"{name}\"` has a table in `[[fluid.boundaries]]`");
+        return fail(scene, "droplet.boundary", message, "take that away: the droplet makes its conditions");
+    }
+    if let MeshSource::Rectangle(rectangle) = &fluid.mesh {
+        let holes: Vec<&str> = rectangle.holes.iter().map(|hole| hole.name.as_str()).collect();
+        known(scene, "droplet.boundary", name, &holes, "hole of the mesh")?;
+    }
+    if fluid.mesh_motion.is_some() {
+        let message = "`fluid.mesh_motion` is there, but the mesh follows the droplet";
+        return fail(scene, "fluid.mesh_motion", message, "take one of them away");
+    }
+    if fluid.boundaries.iter().all(|boundary| !matches!(boundary.flow, Flow::Open { .. })) {
+        let message = "the vapour of the droplet has no way out";
+        return fail(scene, "fluid", message, "give a boundary `flow = \"open\"`");
+    }
+    Ok(())
+}
+
 impl Scene {
     /// Checks the conditions of `fluid.boundaries` against the names of the mesh: each condition names a boundary of the
     /// mesh, and each boundary of the mesh has a condition. To be called again once a mesh has been read from a file.
@@ -198,7 +244,9 @@ impl Scene {
                 return fail(self, &path, message, "give each boundary one table `[[fluid.boundaries]]`");
             }
         }
-        match names.iter().find(|name| boundaries.iter().all(|boundary| boundary.name != **name)) {
+        let droplet = self.droplet.as_ref().map_or("", |droplet| droplet.boundary.as_str());
+        let bare = |name: &&&str| **name != droplet && boundaries.iter().all(|b| b.name != **name);
+        match names.iter().find(bare) {
             None => Ok(()),
             Some(name) => {
                 let help = format!("add `[[fluid.boundaries]]` with `name = \"{name}\"` and a `flow`");

@@ -78,6 +78,7 @@ pub(super) fn values(scene: &Scene) -> Checked {
     if let Some(fluid) = &scene.fluid {
         fluid::check(scene, fluid)?;
     }
+    scene.droplet.as_ref().map_or(Ok(()), |droplet| fluid::droplet(scene, droplet))?;
     if let Some(coupling) = &scene.coupling {
         iteration(scene, &coupling.iteration)?;
         coupling.cut.map_or(Ok(()), |cut| positive(scene, "coupling.cut.travel", cut.travel))?;

@@ -1,0 +1,66 @@
+//! The table of a droplet.
+
+use super::Coordinates;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use voidage_coupling::remesh::Remesh;
+
+/// A droplet of liquid that boils in hot gas and grains, falls, and digs (Henry et al., section 4). It is a hole of the mesh, without a table in
+/// `[[fluid.boundaries]]`.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Droplet {
+    /// Name of the hole. Its centre and radius are those of the droplet at the start.
+    pub boundary: String,
+    /// Temperature of the droplet and its surface, K. Default 373.15: boiling water.
+    #[serde(default = "boiling")]
+    pub temperature: f64,
+    /// Heat of vaporisation, J/kg. Above 0. Default 2.257e6: water at 100 C.
+    #[serde(default = "latent")]
+    pub latent_heat: f64,
+    /// What it consists of. Default: water at 100 C.
+    #[serde(default)]
+    pub liquid: Liquid,
+    /// Velocity at the start, m/s. Default: at rest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<Coordinates>,
+    /// Whether it keeps this velocity whatever acts on it. Default false.
+    #[serde(default)]
+    pub held: bool,
+    /// Values of other scalars of the fluid at its surface: `{vapour = 1.0}`. Default: they do not pass it.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub scalars: BTreeMap<String, f64>,
+    /// When the domain around it is remeshed. Default: the defaults of its keys.
+    #[serde(default)]
+    pub remesh: Remesh,
+}
+
+/// The liquid of a droplet.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Liquid {
+    /// Density, kg/m3. Above 0. Default 958.4.
+    pub density: f64,
+    /// Dynamic viscosity, Pa s. Above 0. Default 2.82e-4.
+    pub viscosity: f64,
+    /// Heat capacity, J/(kg K). Above 0. Default 4216.
+    pub heat_capacity: f64,
+    /// Thermal conductivity, W/(m K). Above 0. Default 0.679.
+    pub conductivity: f64,
+}
+
+impl Default for Liquid {
+    /// Saturated water at 100 C.
+    fn default() -> Self {
+        Self { density: 958.4, viscosity: 2.82e-4, heat_capacity: 4216.0, conductivity: 0.679 }
+    }
+}
+
+fn boiling() -> f64 {
+    373.15
+}
+
+fn latent() -> f64 {
+    2.257e6
+}

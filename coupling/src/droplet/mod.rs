@@ -1,0 +1,397 @@
+//! A droplet that boils in hot grains (Henry et al., section 4).
+//!
+//! The droplet is a hole in the mesh of the gas: the polygon of its nodes, of area pi r^2 ([`surface`]). For the gas it is a
+//! [`Body`]: what it boils by and how it moves are found with the gas, from the reactions of the discrete equations. Grains pass its surface
+//! freely and are cut by it ([`wet`]).
+//!
+//! ```text
+//! m dU/dt = (1 - V_p/V) F + sum gamma_w (v - U) + m g        m = rho_w V_f
+//! L mdot  = Q + sum hA_w (T - T_d),     dV_f/dt = -mdot/rho_w
+//! V       = V_f + V_p = pi r^2
+//! ```
+//!
+//! with the force F and heat Q of the gas, the liquid V_f and the solid V_p of the grains in it. Vapour leaves with the velocity of the droplet, so that the
+//! momentum of the droplet and its vapour is conserved.
+//!
+//! **Explicit geometry.** The equations of a step are solved where mesh, droplet and grains are at its start. Then all three move with
+//! the new velocities, and the radius follows from the volumes. So grains that ride with the droplet are not cut by a surface that is ahead of them.
+//!
+//! **The surface** moves with U + rdot s, and rdot is such that as much volume leaves the gas through it as vapour and liquid ask for,
+//! whatever the grains do that pass it:
+//!
+//! ```text
+//! rdot = (c_U + c_v - mdot/rho_w + eta C/dt) / E,   E = int eps s . (-n),   c_U = int eps U . n,   c_v = sum over chords of solid v . n
+//! ```
+//!
+//! What then is missing, because U and mdot were those of before, adds up in C and is given back, as what grains and gas disagree in is
+//! (`scheme::anchored`); so are the impulse J and the heat E of grains that moved otherwise than expected.
+
+pub mod surface;
+pub mod wet;
+
+use self::surface::Surface;
+use self::wet::{Immersion, Settled, Stream, Water};
+use crate::{Error, Notice, Result};
+use serde::{Deserialize, Serialize};
+use voidage_fluid::balance::Balance;
+use voidage_fluid::body::{Body, BodyAnswer, BodyMotion, Evaporation};
+use voidage_fluid::harmonic::harmonic;
+use voidage_fluid::{Mesh, Vector};
+
+/// Share of what is carried that is given back in a step.
+const RETURNED: f64 = 0.5;
+
+/// What a droplet is made of and how it may move.
+#[derive(Clone, Debug)]
+pub struct Material<const D: usize> {
+    /// The water as grains feel it.
+    pub water: Water,
+    /// Temperature T_d, K.
+    pub temperature: f64,
+    /// Heat of vaporisation L, J/kg.
+    pub latent_heat: f64,
+    /// Density of the vapour, which is that of the gas, kg/m3.
+    pub vapour_density: f64,
+    /// Gravity, m/s2.
+    pub gravity: Vector<D>,
+    /// Whether the droplet keeps its velocity.
+    pub held: bool,
+}
+
+/// Where a droplet is, and what it has still to get.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DropletState<const D: usize> {
+    /// Centre x_d, m.
+    pub centre: Vector<D>,
+    /// Velocity U, m/s.
+    pub velocity: Vector<D>,
+    /// Radius r, m.
+    pub radius: f64,
+    /// Liquid V_f, m2.
+    pub liquid: f64,
+    /// Volume of vapour that left it in the last step, m2/s.
+    pub vapour: f64,
+    /// Force of the gas on it in the last step, N/m.
+    pub force: Vector<D>,
+    /// Heat of the gas to it in the last step, W/m.
+    pub heat: f64,
+    /// Impulse J of the grains that it has not got yet, N s/m.
+    pub impulse: Vector<D>,
+    /// Heat E of the grains that has not boiled it yet, J/m.
+    pub warmth: f64,
+    /// Volume C that passed its surface beyond what it should have, m2.
+    pub volume: f64,
+    /// Liquid that has boiled since time zero, m2.
+    pub boiled: f64,
+}
+
+/// What a droplet did in the step in hand.
+#[derive(Clone, Copy, Debug)]
+struct Answer<const D: usize> {
+    velocity: Vector<D>,
+    force: Vector<D>,
+    heat: f64,
+    vapour: f64,
+    /// Volume that left the gas through the surface, m2/s.
+    through: f64,
+}
+
+/// A droplet.
+#[derive(Clone, Debug)]
+pub struct Droplet<const D: usize> {
+    /// The part of the boundary that it is.
+    pub boundary: String,
+    /// What it is made of.
+    pub material: Material<D>,
+    /// Liquid at time zero, m2.
+    pub first: f64,
+    /// Where it is.
+    pub state: DropletState<D>,
+    /// What the grains in it did in the last step; zero without grains.
+    pub settled: Settled<D>,
+    surface: Surface<D>,
+    /// How far each node of the mesh follows it, from 0 to 1.
+    weight: Vec<f64>,
+    /// How fast edges become longer with the distance from it, no unit.
+    growth: f64,
+    weigh: fn(&Mesh<D>, &str) -> Result<Vec<f64>>,
+    /// Velocity of the nodes in the step in hand, m/s.
+    moving: Vec<Vector<D>>,
+    /// What the grains in it do in the step in hand.
+    pub(crate) immersion: Immersion<D>,
+    answer: Answer<D>,
+    /// Velocity that the grains in it were expected to meet, m/s.
+    before: Vector<D>,
+}
+
+/// How far the nodes follow a part of the boundary: 1 on it, 0 on the others, harmonic between.
+fn follow(mesh: &Mesh<2>, name: &str) -> Result<Vec<f64>> {
+    let mut held = vec![None; mesh.points.len()];
+    for part in &mesh.boundaries {
+        let weight = if part.name == name { 1.0 } else { 0.0 };
+        part.facets.iter().for_each(|&node| held[node as usize] = Some(weight));
+    }
+    Ok(harmonic::<2, 3>(mesh, 0.0, |node| held[node])?)
+}
+
+impl Droplet<2> {
+    /// A droplet without grains in it, in the hole of this name around a centre, of this radius (m): the hole is made as large by moving the nodes of
+    /// the mesh. `velocity` is that at the start (m/s), `growth` how fast edges become longer with the distance when the domain is remeshed.
+    ///
+    /// # Errors
+    /// The boundary does not go round the centre.
+    pub fn new(
+        mesh: &mut Mesh<2>,
+        boundary: &str,
+        (centre, radius): (Vector<2>, f64),
+        (velocity, growth): (Vector<2>, f64),
+        material: Material<2>,
+    ) -> Result<Self> {
+        let (surface, found) = Surface::new(mesh, mesh.boundary(boundary)?, &centre)?;
+        let answer =
+            Answer { velocity, force: Vector::zeros(), heat: 0.0, vapour: 0.0, through: 0.0 };
+        let state = DropletState {
+            centre,
+            velocity,
+            radius: found,
+            liquid: std::f64::consts::PI * radius * radius,
+            vapour: 0.0,
+            force: Vector::zeros(),
+            heat: 0.0,
+            impulse: Vector::zeros(),
+            warmth: 0.0,
+            volume: 0.0,
+            boiled: 0.0,
+        };
+        let mut droplet = Self {
+            boundary: boundary.into(),
+            first: state.liquid,
+            material,
+            state,
+            settled: Settled::default(),
+            surface,
+            weight: follow(mesh, boundary)?,
+            growth,
+            weigh: follow,
+            moving: Vec::new(),
+            immersion: Immersion::default(),
+            answer,
+            before: velocity,
+        };
+        droplet.put(&centre, radius, &mut mesh.points);
+        droplet.begin();
+        Ok(droplet)
+    }
+}
+
+impl<const D: usize> Droplet<D> {
+    /// The polygon that it is.
+    pub fn surface(&self) -> &Surface<D> {
+        &self.surface
+    }
+
+    /// Volume of the droplet V, m2.
+    pub fn volume(&self) -> f64 {
+        std::f64::consts::PI * self.state.radius.powi(2)
+    }
+
+    /// Mass of the liquid, kg/m.
+    pub fn mass(&self) -> f64 {
+        self.material.water.density * self.state.liquid
+    }
+
+    /// Rate of vaporisation, kg/s/m.
+    pub fn vaporisation(&self) -> f64 {
+        self.state.vapour * self.material.vapour_density
+    }
+
+    /// What moves the grains in it, by the last solution of the gas.
+    pub(crate) fn stream(&self) -> Stream<D> {
+        let Answer { velocity, force, .. } = self.answer;
+        Stream { velocity, pressure: force / self.volume(), temperature: self.material.temperature }
+    }
+
+    /// Forgets the step in hand.
+    pub(crate) fn begin(&mut self) {
+        let DropletState { velocity, force, heat, vapour, .. } = self.state;
+        self.answer = Answer { velocity, force, heat, vapour, through: 0.0 };
+        self.before = velocity;
+    }
+
+    /// Velocity of the nodes in the step in hand, m/s.
+    pub(crate) fn mesh_velocity(&self) -> &[Vector<D>] {
+        &self.moving
+    }
+
+    /// The droplet as the fluid solver gets it for a step of `dt`, with the temperature among the scalars if `hot`.
+    pub(crate) fn body(&mut self, mesh: &Mesh<D>, voidage: &[f64], dt: f64, hot: bool) -> Result<Body<D>> {
+        let Self { material, state, answer, immersion, .. } = self;
+        let (mut opening, mut swept) = (0.0, immersion.solid.iter().sum::<f64>());
+        for (facet, nodes) in (0..).zip(mesh.boundary(&self.boundary)?.facets.chunks_exact(D)) {
+            let [a, b] = [0, 1].map(|k| voidage[nodes[k] as usize]);
+            let length = (mesh.points[nodes[1] as usize] - mesh.points[nodes[0] as usize]).norm();
+            let normal = self.surface.normal(facet);
+            // s . n is the same all along a facet.
+            let along = self.surface.shape(facet, 0.5).dot(&normal);
+            let mean = length * (a + b) / 2.0;
+            opening -= mean * along;
+            swept += mean * answer.velocity.dot(&normal);
+        }
+        let shrinks = answer.vapour * material.vapour_density / material.water.density;
+        let expansion = (swept - shrinks + RETURNED * state.volume / dt) / opening;
+        self.moving.clear();
+        self.moving.extend(mesh.points.iter().zip(&self.weight).map(|(x, weight)| {
+            (answer.velocity + (x - state.centre).normalize() * expansion) * *weight
+        }));
+        for (node, s) in self.surface.nodes() {
+            self.moving[*node as usize] = answer.velocity + s * expansion;
+        }
+        let mass = material.water.density * state.liquid;
+        let share = 1.0 - immersion.volume / (std::f64::consts::PI * state.radius.powi(2));
+        let motion = if material.held {
+            BodyMotion::Held(state.velocity)
+        } else {
+            let inertia = (mass / dt + immersion.inertia) / share;
+            let force = (state.velocity * mass + state.impulse * RETURNED) / dt + material.gravity * mass;
+            BodyMotion::free(inertia, (force + immersion.force) / share)
+        };
+        self.before = answer.velocity;
+        let evaporation = Evaporation {
+            scalar: hot.then_some(crate::HEAT),
+            heat: immersion.heat + RETURNED * state.warmth / dt,
+            latent: material.latent_heat * material.vapour_density,
+        };
+        Ok(Body {
+            centre: state.centre,
+            radius: state.radius,
+            expansion,
+            motion,
+            evaporation: Some(evaporation),
+            solid: std::mem::take(&mut immersion.solid),
+        })
+    }
+
+    /// Takes a solution of the fluid.
+    pub(crate) fn receive(&mut self, body: Option<&BodyAnswer<D>>, balance: Option<&Balance<D>>) -> Result<()> {
+        let (Some(body), Some(balance)) = (body, balance) else {
+            return Err(Error::run(Notice::new(
+                "the fluid solver does not say what the droplet does",
+                "a droplet needs a solver that knows bodies and the balances of the boundary",
+            )));
+        };
+        let heat = balance.scalars.get(crate::HEAT).map_or(0.0, |given| -given);
+        let BodyAnswer { velocity, vapour } = *body;
+        self.answer = Answer { velocity, force: balance.force, heat, vapour, through: balance.flux };
+        Ok(())
+    }
+
+    /// Takes what the grains in it did in a step of `dt`.
+    pub(crate) fn settle(&mut self, dt: f64, settle: impl FnOnce(&Stream<D>, &Vector<D>) -> Settled<D>) {
+        self.settled = settle(&self.stream(), &self.before);
+        self.state.impulse = self.state.impulse * (1.0 - RETURNED) + self.settled.missed * dt;
+        self.state.warmth = self.state.warmth * (1.0 - RETURNED) + self.settled.missed_heat * dt;
+    }
+
+    /// Takes what the gas still had to give to a grain that the water has swallowed: impulse (N s) and heat (J) that the gas did not lose.
+    pub(crate) fn inherit(&mut self, impulse: &Vector<D>, heat: f64) {
+        self.state.impulse -= impulse;
+        self.state.warmth -= heat;
+    }
+
+    /// Moves by the step in hand, which was over `dt`: liquid, centre, radius and the nodes of the mesh. `solid(centre, radius)` is the volume of the grains
+    /// in such a droplet, m2, and its growth with the radius, m.
+    ///
+    /// # Errors
+    /// It has boiled away.
+    pub(crate) fn accept(
+        &mut self,
+        dt: f64,
+        points: &mut [Vector<D>],
+        solid: impl Fn(&Surface<D>, &Vector<D>, f64) -> (f64, f64),
+    ) -> Result<()> {
+        let (answer, density) = (self.answer, self.material.water.density);
+        let rate = answer.vapour * self.material.vapour_density;
+        let state = &mut self.state;
+        state.volume = state.volume + dt * (answer.through + answer.vapour - rate / density);
+        state.boiled += dt * rate / density;
+        state.liquid -= dt * rate / density;
+        (state.velocity, state.force, state.heat, state.vapour) =
+            (answer.velocity, answer.force, answer.heat, answer.vapour);
+        if state.liquid <= 0.0 {
+            return Err(Error::run("the droplet has boiled away"));
+        }
+        let centre = state.centre + answer.velocity * dt;
+        let radius = radius(state.liquid, state.radius, |radius| solid(&self.surface, &centre, radius))?;
+        self.put(&centre, radius, points);
+        Ok(())
+    }
+
+    /// Moves surface and nodes to a centre and radius.
+    fn put(&mut self, centre: &Vector<D>, radius: f64, points: &mut [Vector<D>]) {
+        let (moved, grown) = (centre - self.state.centre, radius - self.state.radius);
+        for (x, weight) in points.iter_mut().zip(&self.weight) {
+            *x += (moved + (*x - self.state.centre).normalize() * grown) * *weight;
+        }
+        for (node, s) in self.surface.nodes() {
+            points[*node as usize] = centre + s * radius;
+        }
+        (self.state.centre, self.state.radius) = (*centre, radius);
+    }
+
+    /// Length that edges should have at a point, m.
+    pub(crate) fn spacing(&self, x: &Vector<D>) -> f64 {
+        let facet = 2.0 * std::f64::consts::PI * self.state.radius / self.surface.facets() as f64;
+        facet + self.growth * ((x - self.state.centre).norm() - self.state.radius).max(0.0)
+    }
+
+    /// What [`Self::restore`] needs: how far the nodes follow, and the shape.
+    pub(crate) fn motion(&self) -> Vec<f64> {
+        self.weight.iter().copied().chain(self.surface.numbers()).collect()
+    }
+
+    /// Takes back a [`Self::motion`] for a mesh.
+    ///
+    /// # Errors
+    /// The droplet is not in the mesh.
+    pub(crate) fn restore(&mut self, mesh: &Mesh<D>, motion: &[f64]) -> Result<()> {
+        let (weight, shape) = motion.split_at(mesh.points.len().min(motion.len()));
+        self.weight = weight.to_vec();
+        self.surface = Surface::of(mesh.boundary(&self.boundary)?, shape);
+        self.begin();
+        Ok(())
+    }
+
+    /// Goes on with another mesh, on which its surface has the same facets.
+    ///
+    /// # Errors
+    /// The surface is not there.
+    pub(crate) fn remeshed(&mut self, mesh: &Mesh<D>) -> Result<()> {
+        let (surface, _) = Surface::new(mesh, mesh.boundary(&self.boundary)?, &self.state.centre)?;
+        self.surface = surface;
+        self.weight = (self.weigh)(mesh, &self.boundary)?;
+        Ok(())
+    }
+}
+
+/// The radius r with pi r^2 = liquid + solid(r), from a guess: by Newton's method, kept between the radius of the liquid alone and twice the guess.
+fn radius(liquid: f64, guess: f64, solid: impl Fn(f64) -> (f64, f64)) -> Result<f64> {
+    const STEPS: usize = 50;
+    let pi = std::f64::consts::PI;
+    let (mut low, mut high, mut radius) = ((liquid / pi).sqrt(), 2.0 * guess, guess);
+    for _ in 0..STEPS {
+        let (volume, growth) = solid(radius);
+        let excess = pi * radius * radius - liquid - volume;
+        if excess.abs() <= 1e-14 * liquid {
+            return Ok(radius);
+        }
+        if excess > 0.0 { high = high.min(radius) } else { low = low.max(radius) }
+        let next = radius - excess / (2.0 * pi * radius - growth);
+        // Grains that fill the surface leave Newton's step nothing to go by.
+        let next = if next > low && next < high { next } else { (low + high) / 2.0 };
+        if (next - radius).abs() <= 1e-15 * radius {
+            return Ok(next);
+        }
+        radius = next;
+    }
+    Ok(radius)
+}
