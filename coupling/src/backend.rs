@@ -6,7 +6,7 @@
 use crate::error::Result;
 use voidage_fluid::balance::Balance;
 use voidage_fluid::body::BodyAnswer;
-use voidage_fluid::conditions::Condition;
+use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::{Numerics, Report, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::points::Points;
@@ -111,8 +111,13 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
             return Ok(());
         }
         let Model { properties, scalars, numerics, conditions } = &self.model;
+        // A body may have vanished; the conditions of the steps then lack it too.
+        let there = |condition: &&Condition<D>| {
+            !matches!(condition.flow, FlowCondition::Body(_)) || mesh.boundary(&condition.boundary).is_ok()
+        };
+        let conditions: Vec<_> = conditions.iter().filter(there).cloned().collect();
         let flow =
-            Flow::new(mesh.clone(), properties.clone(), scalars, conditions, fields.clone(), numerics)?;
+            Flow::new(mesh.clone(), properties.clone(), scalars, &conditions, fields.clone(), numerics)?;
         self.clear = vec![1.0; mesh.points.len()];
         self.flow = Some((generation, flow));
         Ok(())

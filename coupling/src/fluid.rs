@@ -3,7 +3,7 @@
 use crate::StepReport;
 use crate::TEMPERATURE;
 use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
-use crate::droplet::Droplet;
+use crate::droplet::{Droplet, DropletState};
 use crate::droplet::surface::Surface;
 use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
@@ -117,10 +117,25 @@ impl<const D: usize> Fluid<D> {
         immersed: Option<Immersed<'_, D>>,
         report: &mut StepReport,
     ) -> Result<()> {
+        loop {
+            self.solve_once(dt, immersed, report)?;
+            let stopped = alive(&mut self.droplet).is_some_and(|droplet| droplet.stop(&self.mesh, dt));
+            if !stopped {
+                return Ok(());
+            }
+        }
+    }
+
+    fn solve_once(
+        &mut self,
+        dt: f64,
+        immersed: Option<Immersed<'_, D>>,
+        report: &mut StepReport,
+    ) -> Result<()> {
         let mut conditions = ramped(&self.conditions, self.ramp, self.clock.time + dt);
         let mut velocity = self.motion.as_ref().map(|motion| motion.velocity());
         let mut part = None;
-        if let Some(droplet) = &mut self.droplet {
+        if let Some(droplet) = alive(&mut self.droplet) {
             let clear = immersed.is_none().then(|| vec![1.0; self.mesh.points.len()]);
             let voidage = immersed.map_or(clear.as_deref(), |immersed| Some(immersed.voidage));
             let hot = self.scalars.first().is_some_and(|name| name == TEMPERATURE);
@@ -137,7 +152,7 @@ impl<const D: usize> Fluid<D> {
         self.moved |= step.motion.is_some();
         self.backend.solve(&step, &mut self.solution)?;
         let Solution { report: solver, transport_s, .. } = &self.solution;
-        if let Some(droplet) = &mut self.droplet {
+        if let Some(droplet) = alive(&mut self.droplet) {
             let balance = part.and_then(|part| self.solution.balances.get(part));
             droplet.receive(self.solution.bodies.first(), balance)?;
         }
@@ -151,7 +166,7 @@ impl<const D: usize> Fluid<D> {
     /// Makes the last solution, which was over `dt`, the accepted fields. A droplet moves, and the mesh with it.
     ///
     /// # Errors
-    /// The droplet has boiled away.
+    /// The droplet moves so far that a cell of the mesh would turn over.
     pub fn accept(&mut self, dt: f64) -> Result<()> {
         self.accept_around(dt, |_, _, _| (0.0, 0.0))
     }
@@ -159,7 +174,7 @@ impl<const D: usize> Fluid<D> {
     /// The same where grains may be in the droplet: `solid` is their volume within a surface (m2) and its growth with the radius (m).
     ///
     /// # Errors
-    /// The droplet has boiled away.
+    /// The droplet moves so far that a cell of the mesh would turn over.
     pub fn accept_around(
         &mut self,
         dt: f64,
@@ -168,8 +183,8 @@ impl<const D: usize> Fluid<D> {
         self.backend.accept();
         std::mem::swap(&mut self.accepted, &mut self.solution.fields);
         self.clock.time += dt;
-        if let Some(droplet) = &mut self.droplet {
-            droplet.accept(dt, &mut self.mesh.points, solid)?;
+        if let Some(droplet) = alive(&mut self.droplet) {
+            droplet.accept(dt, &mut self.mesh, solid)?;
             self.nodal_volume = self.mesh.nodal_volume();
         }
         Ok(())
@@ -178,6 +193,20 @@ impl<const D: usize> Fluid<D> {
     /// Puts another solver around the one that there is, which has its mesh.
     pub fn wrap_backend(&mut self, wrap: impl FnOnce(Box<dyn FluidBackend<D>>) -> Box<dyn FluidBackend<D>>) {
         self.backend = wrap(std::mem::replace(&mut self.backend, Box::new(Vacant)));
+    }
+
+    /// The droplet, if there is one and it has not vanished.
+    pub fn live_droplet(&mut self) -> Option<&mut Droplet<D>> {
+        alive(&mut self.droplet)
+    }
+
+    /// Puts the droplet where it was, at a restart.
+    pub fn restore_droplet(&mut self, state: DropletState<D>) {
+        let Some(droplet) = &mut self.droplet else { return };
+        droplet.state = state;
+        if droplet.state.gone {
+            self.conditions.retain(|condition| condition.boundary != droplet.boundary);
+        }
     }
 
     /// The accepted fields on the mesh.
@@ -206,6 +235,11 @@ impl<const D: usize> Default for Fluid<D> {
             moved: true,
         }
     }
+}
+
+/// The droplet, unless it has vanished.
+fn alive<const D: usize>(droplet: &mut Option<Box<Droplet<D>>>) -> Option<&mut Droplet<D>> {
+    droplet.as_deref_mut().filter(|droplet| !droplet.state.gone)
 }
 
 /// The place of a solver that somebody else holds.

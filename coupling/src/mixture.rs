@@ -93,8 +93,11 @@ impl<const D: usize> Mixture<D> {
     /// What of the grains a droplet has in its water; returns their volume there, m2. What the gas still had to give to grains that are
     /// wholly there becomes the business of the droplet.
     fn cut_by_droplet(&mut self) -> f64 {
-        let Some(droplet) = &mut self.fluid.droplet else { return 0.0 };
         let Interaction { wet, overlap, carried, .. } = &mut self.interaction;
+        let Some(droplet) = self.fluid.live_droplet() else {
+            *wet = None;
+            return 0.0;
+        };
         let wet = wet.get_or_insert_default();
         droplet.begin();
         let (centre, radius) = (droplet.state.centre, droplet.state.radius);
@@ -196,7 +199,7 @@ impl<const D: usize> Mixture<D> {
         let Self { fluid, interaction, .. } = self;
         if let (Some(droplet), Some(wet)) = (&mut fluid.droplet, &interaction.wet) {
             let grains = (&interaction.load, &interaction.at);
-            droplet.immersion = wet.immersion(droplet.surface(), &droplet.stream(), grains);
+            droplet.immerse(wet.immersion(droplet.surface(), &droplet.stream(), grains));
         }
         let Interaction { load, points, laws, .. } = interaction;
         let rigid = Rigid { fluid: fluid.on_mesh(), density: laws.density, dt };
@@ -243,6 +246,17 @@ impl<const D: usize> Mixture<D> {
         Ok(())
     }
 
+    /// How far a droplet moved in a step of `dt` over the diameter of the smallest grain in its water, and how much of the limit of stability its absorption of
+    /// hot grains takes, both without unit; zero without a droplet, or grains in it.
+    pub(crate) fn droplet_reach(&mut self, dt: f64) -> (f64, f64) {
+        let Self { grains, fluid, interaction, .. } = self;
+        let (Some(wet), Some(droplet)) = (&interaction.wet, fluid.live_droplet()) else { return (0.0, 0.0) };
+        let (surface, stream) = (droplet.surface(), droplet.stream());
+        let rate = wet.absorption(&grains.particles, grains.mean_velocity(), surface, &stream);
+        droplet.absorption = droplet.absorption_rate(rate);
+        (droplet.travel(dt) / wet.smallest(), droplet.absorption * dt)
+    }
+
     /// Makes the last solution of the fluid the accepted one and moves the clock: the end of a step.
     ///
     /// # Errors
@@ -272,7 +286,7 @@ impl<const D: usize> Mixture<D> {
         fluid.accept_around(dt, |surface, centre, radius| {
             solid_within(&grains.particles, surface, (centre, radius))
         })?;
-        if fluid.droplet.is_some() {
+        if interaction.wet.is_some() {
             interaction.overlap.moved(&fluid.mesh);
         }
         self.interaction.balance(dt, report);

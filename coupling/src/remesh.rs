@@ -45,7 +45,8 @@ pub struct Remesher<const D: usize> {
 /// What depends on the dimension.
 #[derive(Clone, Copy, Debug)]
 struct Tools<const D: usize> {
-    make: fn(&Mesh<D>, &[f64]) -> voidage_fluid::Result<Remeshed<D>>,
+    /// With a hole filled, if one is named.
+    make: fn(&Mesh<D>, &[f64], Option<&str>) -> voidage_fluid::Result<Remeshed<D>>,
     /// Smallest angle, degrees.
     angle: fn(&Mesh<D>) -> f64,
 }
@@ -62,7 +63,7 @@ pub struct RemeshState<const D: usize> {
 impl Remesher<2> {
     /// Remeshes a domain with edges as long as they are now.
     pub fn new(mesh: &Mesh<2>, when: Remesh) -> Self {
-        let tools = Tools { make: Mesh::<2>::remesh, angle: |mesh| mesh.quality().smallest_angle };
+        let tools = Tools { make: Mesh::<2>::fill, angle: |mesh| mesh.quality().smallest_angle };
         Self { when, spacing: mesh.spacing(), domain: None, last: 0, tools }
     }
 
@@ -78,17 +79,19 @@ impl<const D: usize> Fluid<D> {
         let Some(remesher) = &mut self.remesher else { return Ok(false) };
         let Remesher { when, tools, .. } = *remesher;
         let Clock { time, steps } = self.clock;
-        if steps - remesher.last < when.every && (tools.angle)(&self.mesh) >= when.angle {
+        let vanishes = self.droplet.as_ref().is_some_and(|droplet| droplet.vanishes());
+        if steps - remesher.last < when.every && (tools.angle)(&self.mesh) >= when.angle && !vanishes {
             return Ok(false);
         }
         if let Some(droplet) = &self.droplet {
             let wanted = self.mesh.points.iter().zip(&mut remesher.spacing);
             wanted.for_each(|(x, spacing)| {
                 let far = remesher.domain.as_ref().map_or(*spacing, |domain| domain.size_at([x[0], x[1]]));
-                *spacing = far.min(droplet.spacing(x));
+                *spacing = if droplet.state.gone { far } else { far.min(droplet.spacing(x)) };
             });
         }
-        let remeshed = (tools.make)(&self.mesh, &remesher.spacing)?;
+        let hole = self.droplet.as_ref().filter(|_| vanishes).map(|droplet| droplet.boundary.as_str());
+        let remeshed = (tools.make)(&self.mesh, &remesher.spacing, hole)?;
         let old = &self.accepted;
         let fields = State {
             velocity: remeshed.carry(&old.velocity),
@@ -100,8 +103,13 @@ impl<const D: usize> Fluid<D> {
         if let Some(motion) = &mut self.motion {
             motion.remeshed(&remeshed, time);
         }
-        if let Some(droplet) = &mut self.droplet {
-            droplet.remeshed(&remeshed.mesh)?;
+        match &mut self.droplet {
+            Some(droplet) if vanishes => {
+                droplet.vanish();
+                self.conditions.retain(|condition| condition.boundary != droplet.boundary);
+            }
+            Some(droplet) if !droplet.state.gone => droplet.remeshed(&remeshed.mesh)?,
+            _ => {}
         }
         self.set_mesh(remeshed.mesh, fields)?;
         Ok(true)
@@ -114,8 +122,8 @@ impl<const D: usize> Fluid<D> {
             remesher.filter(|remesher| remesher.last > 0 || self.droplet.is_some())?;
         let motion = match (&self.motion, &self.droplet) {
             (Some(motion), _) => motion.state(),
-            (None, Some(droplet)) => droplet.motion(),
-            (None, None) => Vec::new(),
+            (None, Some(droplet)) if !droplet.state.gone => droplet.motion(),
+            _ => Vec::new(),
         };
         Some(RemeshState { mesh: self.mesh.clone(), motion, spacing: spacing.clone(), last: *last })
     }
@@ -127,7 +135,7 @@ impl<const D: usize> Fluid<D> {
             if let Some(motion) = &mut self.motion {
                 motion.restore(&state.motion);
             }
-            if let Some(droplet) = &mut self.droplet {
+            if let Some(droplet) = self.droplet.as_mut().filter(|droplet| !droplet.state.gone) {
                 droplet.restore(&self.mesh, &state.motion)?;
             }
             self.nodal_volume = self.mesh.nodal_volume();

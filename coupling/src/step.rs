@@ -44,7 +44,7 @@ impl<const D: usize> Coupled<D> {
                 *clock = Clock { time: clock.time + dt, steps: clock.steps + 1 };
             }
             System::Fluid(fluid) => {
-                if let Some(droplet) = &mut fluid.droplet {
+                if let Some(droplet) = fluid.live_droplet() {
                     droplet.begin();
                 }
                 fluid.solve(dt, None, &mut report)?;

@@ -31,7 +31,7 @@
 
 use crate::assembly::{KeptRows, System};
 use crate::balance::Balance;
-use crate::boundary::Facet;
+use crate::boundary::{self, Facet, Through};
 use crate::conditions::{Condition, Constraint, FlowCondition, facets};
 use crate::geometry::Geometry;
 use crate::{Error, Result, Vector};
@@ -191,7 +191,7 @@ impl<const D: usize> Bodies<D> {
         geometry: &Geometry<D, B>,
         conditions: &[Condition<D>],
         voidage: &[f64],
-        system: &mut System<B>,
+        (system, through): (&mut System<B>, &mut Through),
     ) {
         for (surface, body) in self.with(conditions) {
             let moves = match body.motion {
@@ -200,6 +200,8 @@ impl<const D: usize> Bodies<D> {
             };
             surface.pass(body, moves, geometry, conditions, voidage, |node, volume| {
                 system.rhs[B * node + D] -= volume;
+                through.net += volume;
+                through.gross += volume.abs();
             });
         }
     }
@@ -212,11 +214,12 @@ impl<const D: usize> Bodies<D> {
     }
 
     /// Finds the velocities of the free bodies and adds their part to `x`, which holds x_0. `solve(rhs, X)` solves on the matrix of
-    /// the step; `held` is the condition that fixes each node, `kept` has the equations of the nodes before they were fixed.
+    /// the step; `held` is the condition that fixes each node, `kept` has the equations of the nodes before they were fixed; in a `closed` domain the
+    /// pressure of the first node is held.
     pub fn release<const B: usize>(
         &mut self,
         (geometry, conditions, voidage): (&Geometry<D, B>, &[Condition<D>], &[f64]),
-        (held, kept): (&[u32], &KeptRows<B>),
+        (held, kept, closed): (&[u32], &KeptRows<B>, bool),
         system: &System<B>,
         x: &mut [f64],
         mut solve: impl FnMut(&System<B>, &[f64], &mut [f64]) -> Result<()>,
@@ -276,6 +279,9 @@ impl<const D: usize> Bodies<D> {
                     |phi| facet.at(phi, |node| voidage[node]) * axis.dot(&facet.normal),
                     |node, volume| self.rhs[B * node as usize + D] -= volume,
                 );
+            }
+            if closed {
+                boundary::spread(geometry, &mut self.rhs);
             }
             solve(system, &self.rhs, response)?;
             let slope = forces(&|f| kept.products(pattern, response, f));

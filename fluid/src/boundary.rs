@@ -206,17 +206,15 @@ fn constrain_normals<const D: usize, const B: usize>(
     }
 }
 
-/// In a closed domain nothing sets the level of the pressure, and the equations of mass add up to a condition on what
-/// is prescribed: `through` the boundary must go what `mass` sources give, m3/s. What is left of it, round-off and the
-/// error of sums for integrals, is spread evenly over the domain as by a Lagrange multiplier of the mean pressure. The
-/// equation of the first node then follows from the others, and its pressure can be held in its place (the caller moves
-/// the mean to zero).
+/// In a closed domain nothing sets the level of the pressure, and the equations of mass add up to a condition on what is
+/// prescribed: what passes `through` the boundary, and sources. What the right-hand sides lack of it, round-off and the error of sums for integrals, is
+/// spread evenly over the domain as by a Lagrange multiplier of the mean pressure ([`spread`]). The equation of the first node then follows from the
+/// others, and its pressure can be held in its place (the caller moves the mean to zero).
 ///
 /// # Errors
 /// The velocities prescribed do not balance.
 pub fn close<const D: usize, const B: usize>(
     through: &Through,
-    mass: f64,
     geometry: &Geometry<D, B>,
     system: &mut System<B>,
 ) -> Result<()> {
@@ -226,12 +224,18 @@ pub fn close<const D: usize, const B: usize>(
             "no boundary is open, but the prescribed velocities let {net:.3e} more fluid out than in; open one"
         )));
     }
-    let excess = (net - mass) / geometry.volume();
-    for (node, volume) in geometry.nodal_volume.iter().enumerate() {
-        system.rhs[B * node + D] += excess * volume;
-    }
+    spread(geometry, &mut system.rhs);
     system.prescribe(0, D, 0.0);
     Ok(())
+}
+
+/// Makes the right-hand sides of the equations of mass add up to zero, and holds the pressure of the first node there.
+pub(crate) fn spread<const D: usize, const B: usize>(geometry: &Geometry<D, B>, rhs: &mut [f64]) {
+    let excess = rhs.iter().skip(D).step_by(B).sum::<f64>() / geometry.volume();
+    for (node, volume) in geometry.nodal_volume.iter().enumerate() {
+        rhs[B * node + D] -= excess * volume;
+    }
+    rhs[D] = 0.0;
 }
 
 /// Adds to the equation of scalar `k` what its boundaries exchange, <<h s, S>> = <<h s_out, S>>, and the inflow term of

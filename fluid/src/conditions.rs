@@ -68,7 +68,7 @@ pub enum FlowCondition<const D: usize> {
         /// Pressure outside, Pa.
         pressure: f64,
     },
-    /// A body that moves in the fluid and lets vapour out; another part must be open.
+    /// A body that moves in the fluid and lets vapour out.
     Body(Body<D>),
 }
 
@@ -120,11 +120,6 @@ pub fn check<const D: usize>(mesh: &Mesh<D>, conditions: &[Condition<D>]) -> Res
         if conditions[..k].iter().any(|other| other.boundary == condition.boundary) {
             return Err(Error::Mesh(format!("two conditions for the boundary `{}`", condition.boundary)));
         }
-    }
-    let open = conditions.iter().any(|condition| matches!(condition.flow, FlowCondition::Open { .. }));
-    if let Some(body) = conditions.iter().find(|c| matches!(c.flow, FlowCondition::Body(_))).filter(|_| !open) {
-        let name = &body.boundary;
-        return Err(Error::Mesh(format!("`{name}` is a body, but no boundary is open: give one `flow = \"open\"`")));
     }
     match mesh.boundaries.iter().find(|b| !conditions.iter().any(|c| c.boundary == b.name)) {
         Some(bare) => Err(Error::Mesh(format!("no condition for the boundary `{}` of the mesh", bare.name))),

@@ -356,18 +356,15 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         );
         self.bodies.constrain(geometry, conditions, voidage, &mut self.constraints);
         let terms = boundary::BoundaryTerms { geometry, conditions, voidage };
-        self.bodies.add_mass(geometry, conditions, voidage, &mut self.system);
-        let through = terms.add_flow(self.properties.density, &self.state.velocity, &mut self.system);
+        let mut through = terms.add_flow(self.properties.density, &self.state.velocity, &mut self.system);
+        self.bodies.add_mass(geometry, conditions, voidage, (&mut self.system, &mut through));
         self.owners.fill(geometry, conditions);
         let held = self.constraints.iter().enumerate().filter(|(_, constraint)| constraint.is_some());
         self.kept.keep(&self.system, held.map(|(node, _)| node));
         boundary::apply_constraints(&self.constraints, &mut self.system);
         let closed = !conditions.iter().any(|c| matches!(c.flow, FlowCondition::Open { .. }));
         if closed {
-            let mass = self.sources.as_ref().map_or(0.0, |sources| {
-                geometry.nodal_volume.iter().zip(&sources.mass).map(|(volume, mass)| volume * mass).sum()
-            });
-            boundary::close(&through, mass, geometry, &mut self.system)?;
+            boundary::close(&through, geometry, &mut self.system)?;
         }
         let start = if iteration == 0 { &self.state } else { &self.next };
         for (node, block) in self.unknown.chunks_exact_mut(B).enumerate() {
@@ -386,7 +383,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         if !self.bodies.is_empty() {
             self.bodies.release(
                 (geometry, conditions, voidage),
-                (&self.owners.fixed, &self.kept),
+                (&self.owners.fixed, &self.kept, closed),
                 &self.system,
                 &mut self.unknown,
                 solve,

@@ -27,6 +27,8 @@ pub struct Simulation {
     bed_weight_per_area: Option<f64>,
     /// Overlap of grains, as a share of the radius, that ends the run.
     max_penetration: f64,
+    /// Height of the highest grain at time zero, m; zero without grains.
+    surface: f64,
 }
 
 /// All that a run needs to go on as if it had never stopped.
@@ -74,7 +76,11 @@ impl Simulation {
         let bed_weight_per_area = bed_weight_per_area(&coupled);
         let (last, totals, dt) = (StepReport::default(), Totals::default(), scene.time.step);
         let max_penetration = scene.contacts.clone().unwrap_or_default().max_penetration;
-        Ok(Self { coupled, dt, last, totals, bed_weight_per_area, max_penetration })
+        let surface = coupled.grains().map_or(0.0, |grains| {
+            let tops = grains.particles.position.iter().zip(&grains.particles.radius);
+            tops.map(|(x, radius)| x[1] + radius).fold(f64::NEG_INFINITY, f64::max)
+        });
+        Ok(Self { coupled, dt, last, totals, bed_weight_per_area, max_penetration, surface })
     }
 
     /// The same at a checkpoint.
@@ -85,10 +91,8 @@ impl Simulation {
         let state: State = checkpoint.state()?;
         let coupled = &mut self.coupled;
         coupled.set_time(state.time, state.steps);
-        if let (Some(droplet), Some(state)) =
-            (coupled.fluid_mut().and_then(|fluid| fluid.droplet.as_mut()), state.droplet)
-        {
-            droplet.state = state;
+        if let (Some(fluid), Some(droplet)) = (coupled.fluid_mut(), state.droplet) {
+            fluid.restore_droplet(droplet);
         }
         if let Some(remeshed) = state.remeshed {
             coupled.take_remeshed(remeshed)?;
@@ -306,7 +310,7 @@ impl Simulation {
             readings.push(("linear_iterations".into(), report.flow_iterations as f64));
             self.boundary_readings(fluid, &mut readings);
             if let Some(droplet) = &fluid.droplet {
-                droplet_readings(droplet, &mut readings);
+                droplet_readings(droplet, (self.dt, self.surface), &mut readings);
             }
         }
         if let Some(interaction) = self.coupled.interaction() {
@@ -339,9 +343,14 @@ impl Simulation {
             scalars: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
             convected: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
         };
-        for (part, condition) in fluid.conditions.iter().enumerate() {
-            let name = column_name(&condition.boundary);
-            let balance = fluid.solution.balances.get(part).unwrap_or(&none);
+        // A droplet that has vanished keeps its columns, with zeros.
+        let gone = fluid.droplet.as_ref().filter(|droplet| droplet.state.gone);
+        let nothing = Balance::none(fluid.scalars.len());
+        let parts = fluid.conditions.iter().enumerate().map(|(part, condition)| {
+            (&condition.boundary, fluid.solution.balances.get(part).unwrap_or(&none))
+        });
+        for (name, balance) in parts.chain(gone.map(|droplet| (&droplet.boundary, &nothing))) {
+            let name = column_name(name);
             readings.push((format!("flux_{name}_m2_per_s").into(), balance.flux));
             for (axis, force) in ["x", "y"].iter().zip(balance.force.iter()) {
                 readings.push((format!("force_{name}_{axis}_N_per_m").into(), *force));
@@ -386,13 +395,14 @@ impl Simulation {
     }
 }
 
-/// Where a droplet is and what it does.
-fn droplet_readings(droplet: &Droplet<2>, readings: &mut Vec<Reading>) {
+/// Where a droplet is and what it does; `surface` is the height of the bed at time zero, m.
+fn droplet_readings(droplet: &Droplet<2>, (dt, surface): (f64, f64), readings: &mut Vec<Reading>) {
     let (state, settled, material) = (&droplet.state, &droplet.settled, &droplet.material);
     let [x, y] = [state.centre[0], state.centre[1]];
     readings.extend([
         ("droplet_x_m".into(), x),
         ("droplet_y_m".into(), y),
+        ("droplet_depth_m".into(), surface - (y - state.radius)),
         ("droplet_velocity_x_m_per_s".into(), state.velocity[0]),
         ("droplet_velocity_y_m_per_s".into(), state.velocity[1]),
         ("droplet_radius_m".into(), state.radius),
@@ -404,7 +414,11 @@ fn droplet_readings(droplet: &Droplet<2>, readings: &mut Vec<Reading>) {
         ("droplet_grain_force_y_N_per_m".into(), settled.force[1]),
         ("droplet_gas_heat_W_per_m".into(), state.heat),
         ("droplet_grain_heat_W_per_m".into(), settled.heat),
-        ("droplet_lifetime_s".into(), droplet.mass() / droplet.vaporisation()),
+        ("droplet_lifetime_s".into(), {
+            let rate = droplet.vaporisation();
+            if rate == 0.0 { 0.0 } else { droplet.mass() / rate }
+        }),
+        ("droplet_absorption_number".into(), droplet.absorption * dt),
         ("droplet_volume_defect_m2".into(), state.volume),
         ("droplet_water_defect_kg_per_m".into(), {
             material.water.density * (droplet.first - state.boiled - state.liquid)

@@ -41,6 +41,21 @@ use voidage_fluid::{Mesh, Vector};
 /// Share of what is carried that is given back in a step.
 const RETURNED: f64 = 0.5;
 
+/// Share of the first liquid below which nothing is left of a droplet.
+const VANISHES: f64 = 1e-3;
+
+/// Diameters of the widest grain in its water below which the radius of a droplet is that of none: it is no longer a body of liquid with grains in it.
+const SMALLEST: f64 = 2.0;
+
+/// Least gap between droplet and boundary, in first radii: the mesh between them needs room.
+const LEAST_GAP: f64 = 0.02;
+
+/// Stiffness of what stops a droplet, in its inertia.
+const STOP: f64 = 1e12;
+
+/// Share of its measure that a cell must keep when the droplet moves.
+const LEAST_MEASURE: f64 = 0.1;
+
 /// What a droplet is made of and how it may move.
 #[derive(Clone, Debug)]
 pub struct Material<const D: usize> {
@@ -83,6 +98,8 @@ pub struct DropletState<const D: usize> {
     pub volume: f64,
     /// Liquid that has boiled since time zero, m2.
     pub boiled: f64,
+    /// Whether it has boiled away, but for what is left of the liquid: there is gas in its place.
+    pub gone: bool,
 }
 
 /// What a droplet did in the step in hand.
@@ -109,6 +126,8 @@ pub struct Droplet<const D: usize> {
     pub state: DropletState<D>,
     /// What the grains in it did in the last step; zero without grains.
     pub settled: Settled<D>,
+    /// Rate of the loop of what is absorbed and boils in the next step, 1/s; times a step it must stay below some 3.
+    pub absorption: f64,
     surface: Surface<D>,
     /// How far each node of the mesh follows it, from 0 to 1.
     weight: Vec<f64>,
@@ -118,8 +137,12 @@ pub struct Droplet<const D: usize> {
     /// Velocity of the nodes in the step in hand, m/s.
     moving: Vec<Vector<D>>,
     /// What the grains in it do in the step in hand.
-    pub(crate) immersion: Immersion<D>,
+    immersion: Immersion<D>,
     answer: Answer<D>,
+    /// Share of a step that the part in hand is: what is carried is given back in the time of whole steps.
+    pub(crate) part: f64,
+    /// Directions in which the boundary stops it in the step in hand, with the fastest that it may be there, m/s.
+    stops: Vec<(Vector<D>, f64)>,
     /// Velocity that the grains in it were expected to meet, m/s.
     before: Vector<D>,
 }
@@ -162,6 +185,7 @@ impl Droplet<2> {
             warmth: 0.0,
             volume: 0.0,
             boiled: 0.0,
+            gone: false,
         };
         let mut droplet = Self {
             boundary: boundary.into(),
@@ -169,6 +193,7 @@ impl Droplet<2> {
             material,
             state,
             settled: Settled::default(),
+            absorption: 0.0,
             surface,
             weight: follow(mesh, boundary)?,
             growth,
@@ -176,6 +201,8 @@ impl Droplet<2> {
             moving: Vec::new(),
             immersion: Immersion::default(),
             answer,
+            part: 1.0,
+            stops: Vec::new(),
             before: velocity,
         };
         droplet.put(&centre, radius, &mut mesh.points);
@@ -216,6 +243,13 @@ impl<const D: usize> Droplet<D> {
         let DropletState { velocity, force, heat, vapour, .. } = self.state;
         self.answer = Answer { velocity, force, heat, vapour, through: 0.0 };
         self.before = velocity;
+        self.stops.clear();
+    }
+
+    /// Takes what the grains in it do in the step in hand, as they meet the velocity that it now has.
+    pub(crate) fn immerse(&mut self, immersion: Immersion<D>) {
+        self.before = self.answer.velocity;
+        self.immersion = immersion;
     }
 
     /// Velocity of the nodes in the step in hand, m/s.
@@ -237,8 +271,9 @@ impl<const D: usize> Droplet<D> {
             opening -= mean * along;
             swept += mean * answer.velocity.dot(&normal);
         }
+        let returned = RETURNED * self.part;
         let shrinks = answer.vapour * material.vapour_density / material.water.density;
-        let expansion = (swept - shrinks + RETURNED * state.volume / dt) / opening;
+        let expansion = (swept - shrinks + returned * state.volume / dt) / opening;
         self.moving.clear();
         self.moving.extend(mesh.points.iter().zip(&self.weight).map(|(x, weight)| {
             (answer.velocity + (x - state.centre).normalize() * expansion) * *weight
@@ -252,13 +287,19 @@ impl<const D: usize> Droplet<D> {
             BodyMotion::Held(state.velocity)
         } else {
             let inertia = (mass / dt + immersion.inertia) / share;
-            let force = (state.velocity * mass + state.impulse * RETURNED) / dt + material.gravity * mass;
-            BodyMotion::free(inertia, (force + immersion.force) / share)
+            let force = (state.velocity * mass + state.impulse * returned) / dt + material.gravity * mass;
+            let mut motion = BodyMotion::free(inertia, (force + immersion.force) / share);
+            if let BodyMotion::Free { inertia: matrix, force } = &mut motion {
+                for (normal, fastest) in &self.stops {
+                    *matrix += normal * normal.transpose() * (STOP * inertia);
+                    *force += normal * (STOP * inertia * fastest);
+                }
+            }
+            motion
         };
-        self.before = answer.velocity;
         let evaporation = Evaporation {
             scalar: hot.then_some(crate::HEAT),
-            heat: immersion.heat + RETURNED * state.warmth / dt,
+            heat: immersion.heat + returned * state.warmth / dt,
             latent: material.latent_heat * material.vapour_density,
         };
         Ok(Body {
@@ -267,8 +308,66 @@ impl<const D: usize> Droplet<D> {
             expansion,
             motion,
             evaporation: Some(evaporation),
-            solid: std::mem::take(&mut immersion.solid),
+            solid: immersion.solid.clone(),
         })
+    }
+
+    /// Whether the droplet would come too near to another part of the boundary within `dt` (s) by the last solution, and is stopped in a
+    /// direction in which it was not: then the fluid is to be solved again. Nothing but the gas between them keeps a droplet from a wall, and where that
+    /// film is thinner than the mesh can show, this does.
+    pub(crate) fn stop(&mut self, mesh: &Mesh<D>, dt: f64) -> bool {
+        let state = &self.state;
+        let reach = self.surface.reach() * state.radius + LEAST_GAP * (self.first / std::f64::consts::PI).sqrt();
+        let others = mesh.boundaries.iter().filter(|part| part.name != self.boundary);
+        let mut worst = (0.0, Vector::zeros(), 0.0);
+        for facet in others.flat_map(|part| part.facets.chunks_exact(D)) {
+            let [a, b] = [0, 1].map(|k| mesh.points[facet[k] as usize] - state.centre);
+            let along = b - a;
+            let share = (-a.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+            let to = a + along * share;
+            let (distance, normal) = (to.norm(), to.normalize());
+            let fastest = (distance - reach) / dt;
+            let beyond = self.answer.velocity.dot(&normal) - fastest;
+            let held = |(other, _): &(Vector<D>, f64)| other.dot(&normal) > 0.99;
+            if beyond > worst.0 && !self.stops.iter().any(held) {
+                worst = (beyond, normal, fastest);
+            }
+        }
+        let (beyond, normal, fastest) = worst;
+        let stops = beyond > 0.0 && !self.material.held && self.stops.len() < D;
+        if stops {
+            self.stops.push((normal, fastest.max(0.0)));
+        }
+        stops
+    }
+
+    /// Whether so little is left that it vanishes.
+    pub(crate) fn vanishes(&self) -> bool {
+        let small = self.state.radius < SMALLEST * self.immersion.widest;
+        !self.state.gone && (self.state.liquid < VANISHES * self.first || small)
+    }
+
+    /// Ends it. What is left of the liquid stays in its books.
+    pub(crate) fn vanish(&mut self) {
+        let state = &mut self.state;
+        (state.velocity, state.force) = (Vector::zeros(), Vector::zeros());
+        (state.heat, state.vapour, state.gone) = (0.0, 0.0, true);
+        (self.settled, self.absorption) = (Settled::default(), 0.0);
+    }
+
+    /// Rate a of the loop of what is absorbed and boils in the next step, 1/s: a = |F| (dQ/dU) / (Q m), with `absorption` dQ/dU, W per m/s,
+    /// the heat Q that boils and the force F of its vapour. In a step longer than some 3/a the droplet bounces for want of a shorter one.
+    pub(crate) fn absorption_rate(&self, absorption: f64) -> f64 {
+        let boils = self.answer.vapour * self.material.vapour_density * self.material.latent_heat;
+        match absorption > 0.0 && boils > 0.0 && !self.material.held {
+            true => self.answer.force.norm() * absorption / (boils * self.mass()),
+            false => 0.0,
+        }
+    }
+
+    /// How far it moves in a step of `dt` (s) by the last solution, m.
+    pub(crate) fn travel(&self, dt: f64) -> f64 {
+        self.answer.velocity.norm() * dt
     }
 
     /// Takes a solution of the fluid.
@@ -288,8 +387,9 @@ impl<const D: usize> Droplet<D> {
     /// Takes what the grains in it did in a step of `dt`.
     pub(crate) fn settle(&mut self, dt: f64, settle: impl FnOnce(&Stream<D>, &Vector<D>) -> Settled<D>) {
         self.settled = settle(&self.stream(), &self.before);
-        self.state.impulse = self.state.impulse * (1.0 - RETURNED) + self.settled.missed * dt;
-        self.state.warmth = self.state.warmth * (1.0 - RETURNED) + self.settled.missed_heat * dt;
+        let kept = 1.0 - RETURNED * self.part;
+        self.state.impulse = self.state.impulse * kept + self.settled.missed * dt;
+        self.state.warmth = self.state.warmth * kept + self.settled.missed_heat * dt;
     }
 
     /// Takes what the gas still had to give to a grain that the water has swallowed: impulse (N s) and heat (J) that the gas did not lose.
@@ -302,11 +402,11 @@ impl<const D: usize> Droplet<D> {
     /// in such a droplet, m2, and its growth with the radius, m.
     ///
     /// # Errors
-    /// It has boiled away.
+    /// A cell of the mesh would turn over.
     pub(crate) fn accept(
         &mut self,
         dt: f64,
-        points: &mut [Vector<D>],
+        mesh: &mut Mesh<D>,
         solid: impl Fn(&Surface<D>, &Vector<D>, f64) -> (f64, f64),
     ) -> Result<()> {
         let (answer, density) = (self.answer, self.material.water.density);
@@ -317,13 +417,20 @@ impl<const D: usize> Droplet<D> {
         state.liquid -= dt * rate / density;
         (state.velocity, state.force, state.heat, state.vapour) =
             (answer.velocity, answer.force, answer.heat, answer.vapour);
-        if state.liquid <= 0.0 {
-            return Err(Error::run("the droplet has boiled away"));
-        }
+        // A last step may ask for more than there is.
+        state.liquid = state.liquid.max(0.0);
         let centre = state.centre + answer.velocity * dt;
         let radius = radius(state.liquid, state.radius, |radius| solid(&self.surface, &centre, radius))?;
-        self.put(&centre, radius, points);
-        Ok(())
+        let before: Vec<f64> = (0..mesh.cell_count()).map(|cell| mesh.measure(cell)).collect();
+        self.put(&centre, radius, &mut mesh.points);
+        let crushed = |(cell, before): (usize, &f64)| mesh.measure(cell) < LEAST_MEASURE * before;
+        match before.iter().enumerate().any(crushed) {
+            false => Ok(()),
+            true => Err(Error::run(Notice::new(
+                "the droplet moves so far in a step that a cell of the mesh would turn over",
+                "give a smaller time.step, or remesh after fewer steps (droplet.remesh.every)",
+            ))),
+        }
     }
 
     /// Moves surface and nodes to a centre and radius.

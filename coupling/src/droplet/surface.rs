@@ -85,6 +85,11 @@ impl<const D: usize> Surface<D> {
         &self.nodes
     }
 
+    /// Largest distance of a node from the centre, in radii.
+    pub fn reach(&self) -> f64 {
+        self.reach[1]
+    }
+
     /// Number of facets.
     pub fn facets(&self) -> usize {
         self.facets.len()

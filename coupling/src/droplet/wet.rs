@@ -49,6 +49,8 @@ pub struct Water {
 #[derive(Clone, Debug)]
 struct WetGrain<const D: usize> {
     grain: u32,
+    /// m.
+    radius: f64,
     /// Share of it in the water.
     share: f64,
     /// Solid volume in the water, m2.
@@ -83,6 +85,8 @@ pub struct Stream<const D: usize> {
 pub struct Immersion<const D: usize> {
     /// Solid volume in the water V_p, m2.
     pub volume: f64,
+    /// Diameter of the widest grain there, m.
+    pub widest: f64,
     /// sum gamma_w (1 - M gamma_w), kg/s.
     pub inertia: f64,
     /// sum gamma_w (w - M gamma_w U_k), N.
@@ -109,7 +113,7 @@ pub struct Settled<const D: usize> {
 impl<const D: usize> Default for Immersion<D> {
     /// No grain is in the water.
     fn default() -> Self {
-        Self { volume: 0.0, inertia: 0.0, force: Vector::zeros(), heat: 0.0, solid: vec![] }
+        Self { volume: 0.0, widest: 0.0, inertia: 0.0, force: Vector::zeros(), heat: 0.0, solid: vec![] }
     }
 }
 
@@ -162,6 +166,7 @@ impl<const D: usize> Wet<D> {
             let (share, solidity) = (within.area / whole, particles.volume[i] / whole);
             Some(WetGrain {
                 grain: i as u32,
+                radius,
                 share,
                 volume: share * particles.volume[i],
                 solidity,
@@ -170,7 +175,7 @@ impl<const D: usize> Wet<D> {
                 transfer: 0.0,
                 response: particles.velocity[i],
                 mobility: 0.0,
-                temperature: 0.0,
+                temperature: particles.heat.as_ref().map_or(0.0, |heat| heat.temperature[i]),
             })
         });
         self.grains = found.collect();
@@ -267,6 +272,7 @@ impl<const D: usize> Wet<D> {
         for wet in &self.grains {
             let slip = wet.mobility * wet.drag;
             sum.volume += wet.volume;
+            sum.widest = sum.widest.max(2.0 * wet.radius);
             sum.inertia += wet.drag * (1.0 - slip);
             sum.force += (wet.response - stream.velocity * slip) * wet.drag;
             sum.heat += wet.transfer * (wet.temperature - stream.temperature);
@@ -312,6 +318,36 @@ impl<const D: usize> Wet<D> {
         }
         let Self { force, drag, heat, transfer, .. } = self;
         Load { force, drag, heat, transfer, cohesive: &[] }
+    }
+
+    /// How much faster heat would come in with the grains that the surface passes if the droplet were faster, W per m/s: |sum of chord rho c (T - T_d) n| over
+    /// the chords that it moves over, with the mean velocities of the grains, m/s.
+    pub fn absorption(
+        &self,
+        particles: &Particles<D>,
+        velocity: &[Vector<D>],
+        surface: &Surface<D>,
+        stream: &Stream<D>,
+    ) -> f64 {
+        let Some(heat) = &particles.heat else { return 0.0 };
+        let mut sum = Vector::<D>::zeros();
+        for wet in self.grains.iter().filter(|wet| !wet.chords.is_empty()) {
+            let i = wet.grain as usize;
+            let area = std::f64::consts::PI * wet.radius * wet.radius;
+            let warmth = heat.capacity[i] / area * (heat.temperature[i] - stream.temperature);
+            for chord in &wet.chords {
+                let normal = surface.normal(chord.facet);
+                if (stream.velocity - velocity[i]).dot(&normal) < 0.0 {
+                    sum += normal * (warmth * chord.length);
+                }
+            }
+        }
+        sum.norm()
+    }
+
+    /// Diameter of the smallest grain in the water, m; infinite without one.
+    pub fn smallest(&self) -> f64 {
+        self.grains.iter().map(|wet| 2.0 * wet.radius).fold(f64::INFINITY, f64::min)
     }
 
     /// What the grains, which have moved with these mean velocities (m/s) and temperatures (K; none without heat), did to a droplet

@@ -1,6 +1,6 @@
 //! Steps in parts, around any scheme.
 //!
-//! A step in which a grain moves far, or that ends in disagreement of grains and fluid, is put back and done in halves, these in halves of
+//! A step in which a grain or a droplet moves far, or that ends in disagreement of grains and fluid, is put back and done in halves, these in halves of
 //! their own, until a part is good, which is accepted. The next part is twice as long again where that is not known to be too far and
 //! the whole step stays a multiple of it. The mesh moves with the parts. What the grains, the walls and the boundary get in the step are the
 //! means over its parts.
@@ -19,11 +19,15 @@ pub struct Cutting {
     /// How far a grain may move in a part of a step, in its diameters: the fluid pushes it all the way as where it was at the start.
     /// Above 0. Default 0.25.
     pub travel: f64,
+    /// With a droplet: how large dt |F| (dQ/dU) / (Q m) may become in a part of a step, where dQ/dU is the heat of the grains that a faster droplet would
+    /// take in, Q what boils and F the force of the vapour on its mass m. Heat that is taken in boils in the next step, and above some 3 the droplet
+    /// bounces on its own vapour. Above 0. Default 1.
+    pub absorption: f64,
 }
 
 impl Default for Cutting {
     fn default() -> Self {
-        Self { travel: 0.25 }
+        Self { travel: 0.25, absorption: 1.0 }
     }
 }
 
@@ -119,12 +123,16 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
     fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport> {
         let mut report = StepReport::default();
         // Counted in parts of the shortest length that there may be.
-        let (most, travel) =
-            self.cutting.map_or((1, f64::INFINITY), |cutting| (1 << HALVINGS, cutting.travel));
+        let (most, travel, absorption) = self
+            .cutting
+            .map_or((1, f64::INFINITY, f64::INFINITY), |cut| (1 << HALVINGS, cut.travel, cut.absorption));
         let (mut done, mut length, mut spent) = (0, most, 0);
         let (mut sum, mut mean, mut grains) = (None::<Agreement>, None::<Mean<D>>, None);
         while done < most {
             let part = Part { dt: dt * f64::from(length) / f64::from(most), whole: dt };
+            if let Some(droplet) = mixture.fluid.live_droplet() {
+                droplet.part = part.dt / dt;
+            }
             if length < most {
                 mixture.move_mesh(|motion, time, points| motion.advance(time, part.dt, points));
             }
@@ -132,9 +140,12 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
                 mixture.grains.save();
                 mixture.interaction.at.clone()
             });
-            let agreement = self.scheme.solve(mixture, part, &mut report)?;
-            let near = agreement.travel <= travel;
-            if let (false, Some(accepted)) = (agreement.converged && near, accepted) {
+            let mut agreement = self.scheme.solve(mixture, part, &mut report)?;
+            let (moved, absorbed) = mixture.droplet_reach(part.dt);
+            agreement.travel = agreement.travel.max(moved);
+            // How much of what a part may do this one has done.
+            let used = (agreement.travel / travel).max(absorbed / absorption);
+            if let (false, Some(accepted)) = (agreement.converged && used <= 1.0, accepted) {
                 mixture.grains.rewind();
                 // The halves start from the last accepted fluid, not from an answer that was none.
                 mixture.interaction.at = accepted;
@@ -152,8 +163,8 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             mixture.accept_part(part.dt, &mut report)?;
             done += length;
             // As long again as the parts that are left allow, unless that is known to be too far.
-            let mut next = 2.0 * agreement.travel;
-            while length < most && done % (2 * length) == 0 && next <= travel {
+            let mut next = 2.0 * used;
+            while length < most && done % (2 * length) == 0 && next <= 1.0 {
                 (length, next) = (2 * length, 2.0 * next);
             }
         }

@@ -22,10 +22,6 @@ impl<const D: usize> Trial<D> for Explicit {
         once(mixture, dt, report, |grains, interaction, _| {
             freeze(grains, &mut interaction.load.mobility, &mut interaction.load.velocity);
             freeze_heat(grains, interaction);
-            if let Some(wet) = &mut interaction.wet {
-                let (velocity, heat) = (&grains.particles.velocity, &grains.particles.heat);
-                wet.expect(|i| (velocity[i], 0.0, heat.as_ref().map_or(0.0, |heat| heat.temperature[i])));
-            }
         })
     }
 }

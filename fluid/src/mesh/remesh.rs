@@ -2,7 +2,7 @@
 
 use super::outline::{FREE, Outline, Site};
 use super::shape::Shape;
-use super::{Locator, Mesh, refine};
+use super::{Boundary, Locator, Mesh, refine};
 use crate::{Error, Result, Vector};
 use spade::Point2;
 use std::collections::HashMap;
@@ -50,12 +50,20 @@ impl Mesh<2> {
     /// # Errors
     /// The boundary crosses itself, or is folded so that no cells of positive measure fill it.
     pub fn remesh(&self, spacing: &[f64]) -> Result<Remeshed<2>> {
-        let domain = Between::new(self, spacing)?;
+        self.fill(spacing, None)
+    }
+
+    /// The same with the hole filled that a part of the boundary is. Values in it are those of the nearest node of its boundary.
+    ///
+    /// # Errors
+    /// Those of [`Self::remesh`].
+    pub fn fill(&self, spacing: &[f64], hole: Option<&str>) -> Result<Remeshed<2>> {
+        let domain = Between::new(self, spacing, hole)?;
         let (points, cells) = refine::triangulate(&domain, domain.outline())?;
         let old = domain.numbers();
         let node_at = |point: &Vector<2>| old.get(&bits(point)).copied();
         let numbers: Vec<Option<u32>> = points.iter().map(node_at).collect();
-        let names: Vec<String> = self.boundaries.iter().map(|part| part.name.clone()).collect();
+        let names: Vec<String> = domain.boundaries().map(|part| part.name.clone()).collect();
         let parts = domain.parts();
         let mesh = Mesh::with_boundaries(points, cells, &names, |nodes| {
             let [a, b] = [nodes[0], nodes[1]].map(|node| numbers[node as usize]);
@@ -85,16 +93,23 @@ struct Between<'a> {
     mesh: &'a Mesh<2>,
     spacing: &'a [f64],
     locator: Locator<2>,
+    /// The part of the boundary that is no more.
+    filled: Option<&'a str>,
 }
 
 impl<'a> Between<'a> {
-    fn new(mesh: &'a Mesh<2>, spacing: &'a [f64]) -> Result<Self> {
-        Ok(Self { mesh, spacing, locator: Locator::new(mesh)? })
+    fn new(mesh: &'a Mesh<2>, spacing: &'a [f64], filled: Option<&'a str>) -> Result<Self> {
+        Ok(Self { mesh, spacing, locator: Locator::new(mesh)?, filled })
+    }
+
+    /// Parts of the boundary that stay.
+    fn boundaries(&self) -> impl Iterator<Item = &'a Boundary> {
+        self.mesh.boundaries.iter().filter(|part| Some(part.name.as_str()) != self.filled)
     }
 
     /// Facets of the boundary with the number of their part.
     fn facets(&self) -> impl Iterator<Item = ([u32; 2], usize)> {
-        let parts = self.mesh.boundaries.iter().enumerate();
+        let parts = self.boundaries().enumerate();
         parts.flat_map(|(k, part)| part.facets.as_chunks::<2>().0.iter().map(move |facet| (*facet, k)))
     }
 
@@ -127,9 +142,17 @@ impl<'a> Between<'a> {
 
     /// The nodes of the cell that a point lies in, and their shape functions.
     fn place(&self, point: &Vector<2>) -> Result<([u32; 3], [f64; 3])> {
-        let cell = self.locator.locate(self.mesh, point, None).ok_or_else(|| {
-            Error::Mesh(format!("a new node at ({}, {}) lies outside of the mesh", point[0], point[1]))
-        })? as usize;
+        let Some(cell) = self.locator.locate(self.mesh, point, None) else {
+            let rim = self.mesh.boundaries.iter().filter(|part| Some(part.name.as_str()) == self.filled);
+            let distance = |node: &u32| (self.mesh.points[*node as usize] - point).norm_squared();
+            let nearest =
+                rim.flat_map(|part| &part.facets).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            let text = || format!("a new node at ({}, {}) lies outside of the mesh", point[0], point[1]);
+            return nearest
+                .map(|node| ([*node; 3], [1.0, 0.0, 0.0]))
+                .ok_or_else(|| Error::Mesh(text()));
+        };
+        let cell = cell as usize;
         let shape = self.mesh.barycentric(cell, point);
         let nodes = self.mesh.cell(cell);
         Ok(([nodes[0], nodes[1], nodes[2]], [1.0 - shape.sum(), shape[0], shape[1]]))

@@ -81,7 +81,10 @@ pub(super) fn values(scene: &Scene) -> Checked {
     scene.droplet.as_ref().map_or(Ok(()), |droplet| fluid::droplet(scene, droplet))?;
     if let Some(coupling) = &scene.coupling {
         iteration(scene, &coupling.iteration)?;
-        coupling.cut.map_or(Ok(()), |cut| positive(scene, "coupling.cut.travel", cut.travel))?;
+        if let Some(cut) = coupling.cut {
+            positive(scene, "coupling.cut.travel", cut.travel)?;
+            positive(scene, "coupling.cut.absorption", cut.absorption)?;
+        }
     }
     grains::check(scene)?;
     cohesion_below(scene)?;
