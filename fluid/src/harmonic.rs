@@ -36,5 +36,9 @@ pub fn harmonic<const D: usize, const B: usize>(
     let options = Options { tolerance: 1e-12, ..Options::default() };
     let mut solver = Solver::<1>::new(assembler.pattern.clone(), &mesh.points, options);
     solver.solve(&system.matrix, &system.rhs, &mut field)?;
+    // What is held is held exactly: walls that stand must not creep by the residual.
+    for (node, value) in field.iter_mut().enumerate() {
+        *value = held(node).unwrap_or(*value);
+    }
     Ok(field)
 }

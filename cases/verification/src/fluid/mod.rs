@@ -2,6 +2,7 @@
 
 use super::Case;
 
+mod body;
 mod cavity;
 mod convection;
 mod hele_shaw;
@@ -24,5 +25,6 @@ pub const CASES: &[Case] = &[
     convection::CASE,
     rayleigh::CASE,
     stefan::CASE,
+    body::CASE,
     taylor::CASE,
 ];

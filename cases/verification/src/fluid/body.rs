@@ -1,0 +1,184 @@
+//! Bodies that move in a fluid: their drag, the fluid that they take along, and how they fall.
+
+use crate::models::{FluidSet, Vec2, annulus};
+use crate::{Case, Finding, Outcome};
+use std::f64::consts::PI;
+use voidage_campaign::Effort;
+use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use voidage_coupling::droplet::wet::Water;
+use voidage_coupling::droplet::{Droplet, Material};
+use voidage_coupling::remesh::{Remesh, Remesher};
+use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::{Coupled, Result, System};
+use voidage_fluid::Mesh;
+use voidage_fluid::body::{Body, BodyMotion};
+use voidage_fluid::conditions::{Condition, FlowCondition};
+use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
+
+/// The case.
+pub const CASE: Case = Case {
+    name: "body",
+    group: "fluid",
+    title: "drag, added mass and fall of a disc whose motion is solved with the fluid",
+    source: "exact: Stokes between concentric circles, F = 4 pi eta U/(ln(R/a) - (R^2 - a^2)/(R^2 + a^2)); potential flow there, \
+             added mass rho pi a^2 (R^2 + a^2)/(R^2 - a^2); between walls Faxen's series (1946), and for half the gap a converged \
+             solution, 99.36",
+    run,
+};
+
+/// A body of radius 1 at the origin.
+fn body(motion: BodyMotion<2>) -> FlowCondition<2> {
+    let (centre, radius, expansion) = (Vec2::zeros(), 1.0, 0.0);
+    FlowCondition::Body(Body { centre, radius, expansion, motion, evaporation: None, solid: vec![] })
+}
+
+fn condition(boundary: &str, flow: FlowCondition<2>) -> Condition<2> {
+    Condition { boundary: boundary.into(), flow, scalars: vec![] }
+}
+
+/// Force (N) on a body and its velocity (m/s) after one step from rest, its part of the boundary being the first condition.
+fn step(mesh: Mesh<2>, set: &FluidSet, dt: f64) -> Result<(Vec2, Vec2)> {
+    let clear = vec![1.0; mesh.points.len()];
+    let start = set.rest(&mesh, 0.0);
+    let mut flow = set.equations(mesh, start)?;
+    flow.solve(dt, &clear, None, &set.conditions)?;
+    let mut balances = vec![];
+    flow.balances(&clear, &set.conditions, &mut balances);
+    let velocity = flow.bodies().map(|body| body.velocity).sum();
+    Ok((balances[0].force, velocity))
+}
+
+/// Drag over viscosity and velocity in a ring four times as wide, creeping flow.
+fn ring_drag(rings: usize) -> Result<f64> {
+    let mut set = FluidSet::new(1e-3, 1.0);
+    let moves = BodyMotion::Held(Vec2::new(1.0, 0.0));
+    set.conditions = vec![condition("inner", body(moves)), condition("outer", FlowCondition::NoSlip)];
+    Ok(-step(annulus(1.0, 4.0, rings, 4 * rings), &set, 1e6)?.0.x)
+}
+
+/// Acceleration over g of a free disc that weighs so many times the fluid in its place, from rest, without gravity on the fluid.
+fn start(rings: usize, weight: f64) -> Result<f64> {
+    let dt = 1e-3;
+    let mut set = FluidSet::new(1.0, 1e-6);
+    let mass = weight * PI;
+    let free = BodyMotion::free(mass / dt, Vec2::new(0.0, -mass));
+    set.conditions = vec![condition("inner", body(free)), condition("outer", FlowCondition::Slip)];
+    Ok(-step(annulus(1.0, 4.0, rings, 4 * rings), &set, dt)?.1.y / dt)
+}
+
+/// A channel between walls at y = -half and half with a disc of radius 1 in its middle, closed far from it.
+fn channel(half: f64, length: f64, edge: f64) -> Result<Mesh<2>> {
+    let hole = Hole { name: "disc".into(), centre: [0.0; 2], radius: 1.0, size: edge, growth: 0.15 };
+    Ok(Mesh::rectangle(&Rectangle {
+        lower: [-length, -half],
+        upper: [length, half],
+        // The gap beside the disc needs some cells too.
+        size: Some((half / 6.0).min((half - 1.0) / 10.0)),
+        sides: Sides {
+            left: Side::named("walls"),
+            right: Side::named("walls"),
+            bottom: Side::named("walls"),
+            top: Side::named("walls"),
+        },
+        holes: vec![hole],
+        refine: vec![],
+        structured: None,
+    })?)
+}
+
+/// Conditions of the channel.
+fn in_channel(disc: FlowCondition<2>) -> Vec<Condition<2>> {
+    vec![condition("disc", disc), condition("walls", FlowCondition::NoSlip)]
+}
+
+/// Drag over viscosity and velocity midway between walls `half` away.
+fn channel_drag(half: f64, edge: f64) -> Result<f64> {
+    let mut set = FluidSet::new(1e-3, 1.0);
+    set.conditions = in_channel(body(BodyMotion::Held(Vec2::new(1.0, 0.0))));
+    Ok(-step(channel(half, 5.0 * half, edge)?, &set, 1e6)?.0.x)
+}
+
+/// Velocity of a heavy disc that falls along the channel, from rest, after steps that each take it a quarter of its radius, over that at which
+/// weight and drag are equal; remeshed after each step.
+fn fall(edge: f64, steps: usize) -> Result<f64> {
+    // So slowly that the disc reaches its velocity within a step.
+    let (half, density, gravity) = (4.0, 1000.0, 1e-6);
+    let drag = faxen(1.0 / half);
+    let terminal = (density - 1e-3) * PI * gravity / drag;
+    let mut set = FluidSet::new(1e-3, 1.0);
+    set.properties.gravity = Vec2::new(gravity, 0.0);
+    set.conditions = in_channel(body(BodyMotion::Held(Vec2::zeros())));
+    let mut mesh = channel(half, 5.0 * half, edge)?;
+    let material = Material {
+        water: Water {
+            density,
+            viscosity: 1.0,
+            thermal: ThermalFluid { conductivity: 1.0, prandtl: 1.0 },
+            drag: Drag::default(),
+            heat: HeatTransfer::default(),
+            voidage_function: VoidageFunction::None,
+        },
+        temperature: 373.15,
+        latent_heat: 1.0,
+        vapour_density: 1e-3,
+        gravity: set.properties.gravity,
+        held: false,
+    };
+    let place = (Vec2::new(-0.2 * half, 0.0), 1.0);
+    mesh.points.iter_mut().for_each(|x| x.x += place.0.x);
+    let droplet = Droplet::new(&mut mesh, "disc", place, (Vec2::zeros(), 0.15), material)?;
+    let start = set.rest(&mesh, 0.0);
+    let mut fluid = set.build(mesh, start)?;
+    fluid.droplet = Some(Box::new(droplet));
+    let when = Remesh { every: 1, ..Remesh::default() };
+    fluid.remesher = Some(Remesher::around_droplet(&fluid.mesh, None, when));
+    let mut system =
+        Coupled::new(System::Fluid(Box::new(fluid)), SchemeName::default().build(&Iteration::default(), None));
+    let dt = 0.25 / terminal;
+    for _ in 0..steps {
+        system.step(dt)?;
+    }
+    let droplet = system.fluid_mut().and_then(|fluid| fluid.live_droplet());
+    Ok(droplet.map_or(0.0, |droplet| droplet.state.velocity.x) / terminal)
+}
+
+/// Drag over viscosity and velocity midway between walls, radius over half the gap k: to 1e-4 up to k = 1/4.
+fn faxen(k: f64) -> f64 {
+    let series = 1.7244 * k.powi(2) - 1.7302 * k.powi(4) + 2.4056 * k.powi(6) - 4.5913 * k.powi(8);
+    4.0 * PI / ((1.0 / k).ln() - 0.9157 + series)
+}
+
+fn run(effort: Effort) -> Result<Outcome> {
+    let mut outcome = Outcome::default();
+    let sizes: &[usize] = effort.pick(&[8, 16], &[8, 16, 32]);
+    let finest = sizes[sizes.len() - 1];
+    let (inner, outer): (f64, f64) = (1.0, 16.0);
+    let ring = 4.0 * PI / (4.0_f64.ln() - (outer - inner) / (outer + inner));
+    let drags = sizes.iter().map(|rings| ring_drag(*rings)).collect::<Result<Vec<_>>>()?;
+    let misses: Vec<f64> = drags.iter().map(|drag| (drag - ring).abs()).collect();
+    let order = (misses[misses.len() - 2] / misses[misses.len() - 1]).log2();
+    let what = format!("drag in a ring four times as wide, {finest} rings");
+    let drag = drags[drags.len() - 1];
+    let allowed = effort.pick(1.2e-2, 3e-3);
+    outcome.findings.push(Finding::relative(what, "eta U", ring, drag, allowed).with_order(order));
+    outcome.findings.push(Finding::order("order of this drag", 1.9, &misses, 2.0));
+
+    for (k, exact) in [(0.1, faxen(0.1)), (0.25, faxen(0.25)), (0.5, 99.36)] {
+        let drag = channel_drag(1.0 / k, effort.pick(0.1, 0.05))?;
+        let what = format!("drag between walls, radius {k} of half the gap");
+        outcome.findings.push(Finding::relative(what, "eta U", exact, drag, effort.pick(2e-2, 1e-2)));
+    }
+
+    for weight in [1000.0, 1.5, 0.5, 0.01] {
+        let exact = weight / (weight + 17.0 / 15.0);
+        let what = format!("acceleration of a disc {weight} times as heavy as the fluid");
+        // The fluid sticks to the disc over the width of a cell, which is more to take along: an error of first order.
+        let allowed = effort.pick(7e-2, 3.5e-2);
+        outcome.findings.push(Finding::relative(what, "g", exact, start(finest, weight)?, allowed));
+    }
+
+    let speed = fall(effort.pick(0.1, 0.05), effort.pick(6, 12))?;
+    outcome.findings.push(Finding::relative("fall between walls, remeshed in each step", "U", 1.0, speed, 2e-2));
+    Ok(outcome)
+}
