@@ -47,8 +47,13 @@ fn moved(now: voidage_dem::StepReport, start: Instant, report: &mut StepReport) 
 }
 
 impl<const D: usize> Mixture<D> {
-    /// Grains in a fluid, before their first step.
-    pub fn new(grains: Dem<D>, fluid: Fluid<D>, interaction: Interaction<D>) -> Self {
+    /// Grains in a fluid, before their first step. Of a droplet that holds grains already the rest is liquid.
+    pub fn new(grains: Dem<D>, mut fluid: Fluid<D>, interaction: Interaction<D>) -> Self {
+        if let Some(droplet) = fluid.live_droplet() {
+            let place = (&droplet.state.centre, droplet.state.radius);
+            let (solid, _) = solid_within(&grains.particles, droplet.surface(), place);
+            droplet.hold(solid);
+        }
         Self { grains, fluid, interaction, phase: Phase::Accepted }
     }
 

@@ -41,14 +41,17 @@ use voidage_fluid::{Mesh, Vector};
 /// Share of what is carried that is given back in a step.
 const RETURNED: f64 = 0.5;
 
-/// Share of the first liquid below which nothing is left of a droplet.
+/// Share of the first liquid below which a droplet vanishes.
 const VANISHES: f64 = 1e-3;
 
-/// Diameters of the widest grain in its water below which the radius of a droplet is that of none: it is no longer a body of liquid with grains in it.
+/// Diameters of the widest grain in its water below which the radius makes a droplet vanish: it is no longer a body of liquid with grains in it.
 const SMALLEST: f64 = 2.0;
 
 /// Least gap between droplet and boundary, in first radii: the mesh between them needs room.
 const LEAST_GAP: f64 = 0.02;
+
+/// Share of the gap that it may close in a step, so that the cells in it can follow.
+const CLOSES: f64 = 0.75;
 
 /// Stiffness of what stops a droplet, in its inertia.
 const STOP: f64 = 1e12;
@@ -139,6 +142,8 @@ pub struct Droplet<const D: usize> {
     /// What the grains in it do in the step in hand.
     immersion: Immersion<D>,
     answer: Answer<D>,
+    /// Liquid that boiled in the last step, m2.
+    boils: f64,
     /// Share of a step that the part in hand is: what is carried is given back in the time of whole steps.
     pub(crate) part: f64,
     /// Directions in which the boundary stops it in the step in hand, with the fastest that it may be there, m/s.
@@ -201,6 +206,7 @@ impl Droplet<2> {
             moving: Vec::new(),
             immersion: Immersion::default(),
             answer,
+            boils: 0.0,
             part: 1.0,
             stops: Vec::new(),
             before: velocity,
@@ -317,7 +323,8 @@ impl<const D: usize> Droplet<D> {
     /// film is thinner than the mesh can show, this does.
     pub(crate) fn stop(&mut self, mesh: &Mesh<D>, dt: f64) -> bool {
         let state = &self.state;
-        let reach = self.surface.reach() * state.radius + LEAST_GAP * (self.first / std::f64::consts::PI).sqrt();
+        let radius = self.surface.reach() * state.radius;
+        let reach = radius + LEAST_GAP * (self.first / std::f64::consts::PI).sqrt();
         let others = mesh.boundaries.iter().filter(|part| part.name != self.boundary);
         let mut worst = (0.0, Vector::zeros(), 0.0);
         for facet in others.flat_map(|part| part.facets.chunks_exact(D)) {
@@ -326,7 +333,7 @@ impl<const D: usize> Droplet<D> {
             let share = (-a.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
             let to = a + along * share;
             let (distance, normal) = (to.norm(), to.normalize());
-            let fastest = (distance - reach) / dt;
+            let fastest = (distance - reach).min(CLOSES * (distance - radius)) / dt;
             let beyond = self.answer.velocity.dot(&normal) - fastest;
             let held = |(other, _): &(Vector<D>, f64)| other.dot(&normal) > 0.99;
             if beyond > worst.0 && !self.stops.iter().any(held) {
@@ -341,10 +348,10 @@ impl<const D: usize> Droplet<D> {
         stops
     }
 
-    /// Whether so little is left that it vanishes.
+    /// Whether so little is left that it vanishes: a thousandth of the liquid, what boils within two steps, or a radius of two grains.
     pub(crate) fn vanishes(&self) -> bool {
-        let small = self.state.radius < SMALLEST * self.immersion.widest;
-        !self.state.gone && (self.state.liquid < VANISHES * self.first || small)
+        let little = self.state.liquid < (VANISHES * self.first).max(2.0 * self.boils);
+        !self.state.gone && (little || self.state.radius < SMALLEST * self.immersion.widest)
     }
 
     /// Ends it. What is left of the liquid stays in its books.
@@ -413,14 +420,19 @@ impl<const D: usize> Droplet<D> {
         let rate = answer.vapour * self.material.vapour_density;
         let state = &mut self.state;
         state.volume = state.volume + dt * (answer.through + answer.vapour - rate / density);
-        state.boiled += dt * rate / density;
-        state.liquid -= dt * rate / density;
+        // The last step of its life may ask for more than there is.
+        let boils = (dt * rate / density).min(state.liquid);
+        state.boiled += boils;
+        state.liquid -= boils;
+        self.boils = boils;
         (state.velocity, state.force, state.heat, state.vapour) =
             (answer.velocity, answer.force, answer.heat, answer.vapour);
-        // A last step may ask for more than there is.
-        state.liquid = state.liquid.max(0.0);
-        let centre = state.centre + answer.velocity * dt;
-        let radius = radius(state.liquid, state.radius, |radius| solid(&self.surface, &centre, radius))?;
+        if self.vanishes() {
+            // From where it is: a surface that small has no room for its facets.
+            return Ok(());
+        }
+        let centre = self.state.centre + answer.velocity * dt;
+        let radius = radius(self.state.liquid, self.state.radius, |radius| solid(&self.surface, &centre, radius))?;
         let before: Vec<f64> = (0..mesh.cell_count()).map(|cell| mesh.measure(cell)).collect();
         self.put(&centre, radius, &mut mesh.points);
         let crushed = |(cell, before): (usize, &f64)| mesh.measure(cell) < LEAST_MEASURE * before;
@@ -443,6 +455,12 @@ impl<const D: usize> Droplet<D> {
             points[*node as usize] = centre + s * radius;
         }
         (self.state.centre, self.state.radius) = (*centre, radius);
+    }
+
+    /// Makes room for grains that are in it at time zero, of a solid volume, m2: its radius stays, and there is less liquid.
+    pub(crate) fn hold(&mut self, solid: f64) {
+        self.state.liquid -= solid;
+        self.first -= solid;
     }
 
     /// Length that edges should have at a point, m.

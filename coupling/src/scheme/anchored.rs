@@ -202,7 +202,7 @@ impl Anchor {
         let Interaction { wet, load, .. } = interaction;
         if let Some(wet) = wet {
             let (velocity, temperature) = (grains.mean_velocity(), grains.mean_temperature());
-            wet.expect(|i| {
+            wet.expect(|i, _, _| {
                 (velocity[i], load.mobility[i], temperature.get(i).copied().unwrap_or_default())
             });
         }

@@ -5,6 +5,7 @@
 
 use super::cut::{Part, Trial};
 use super::once;
+use crate::droplet::wet::Stream;
 use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
 use voidage_dem::Dem;
 use voidage_fluid::Vector;
@@ -19,9 +20,10 @@ impl<const D: usize> Trial<D> for Explicit {
         Part { dt, .. }: Part,
         report: &mut StepReport,
     ) -> Result<Agreement> {
-        once(mixture, dt, report, |grains, interaction, _| {
+        once(mixture, dt, report, |grains, interaction, stream| {
             freeze(grains, &mut interaction.load.mobility, &mut interaction.load.velocity);
             freeze_heat(grains, interaction);
+            expect_in_water(grains, interaction, stream, dt);
         })
     }
 }
@@ -35,6 +37,27 @@ pub(super) fn freeze<const D: usize>(
     mobility.clear();
     mobility.resize(grains.particles.len(), 0.0);
     velocity.clone_from(&grains.particles.velocity);
+}
+
+/// The water of a droplet drags and heats implicitly, in the motion of the grains; what the droplet expects of them follows that.
+fn expect_in_water<const D: usize>(
+    grains: &Dem<D>,
+    interaction: &mut Interaction<D>,
+    stream: Option<Stream<D>>,
+    dt: f64,
+) {
+    let (Some(wet), Some(stream)) = (&mut interaction.wet, stream) else { return };
+    let particles = &grains.particles;
+    wet.expect(|i, drag, transfer| {
+        let inertia = particles.mass[i] / dt;
+        let mobility = if particles.held(i) { 0.0 } else { 1.0 / (inertia + drag) };
+        let moves = (stream.velocity - particles.velocity[i]) * (mobility * drag);
+        let warmed = particles.heat.as_ref().map_or(0.0, |heat| {
+            let inertia = heat.capacity[i] / dt;
+            (inertia * heat.temperature[i] + transfer * stream.temperature) / (inertia + transfer)
+        });
+        (particles.velocity[i] + moves, mobility, warmed)
+    });
 }
 
 fn freeze_heat<const D: usize>(grains: &Dem<D>, interaction: &mut Interaction<D>) {

@@ -70,6 +70,6 @@ pub(super) fn predict<const D: usize>(
     }
     if let Some(wet) = wet {
         let temperature = |i| load.heat.as_ref().map_or(0.0, |law| law.expected(at, i));
-        wet.expect(|i| (load.expected(at, i), load.mobility[i], temperature(i)));
+        wet.expect(|i, _, _| (load.expected(at, i), load.mobility[i], temperature(i)));
     }
 }

@@ -1,0 +1,289 @@
+//! A droplet with grains in its water: what it must conserve, whatever the scheme, and how it ends.
+
+use std::path::Path;
+use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
+use voidage_scene::{Scene, Simulation};
+
+/// The quick case, with a cloud of hot grains around the droplet in place of the bed, that falls through it.
+fn scene(sets: &[&str]) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/droplet-digging/scene-quick.toml");
+    let mut all = vec![
+        "grains[0].placement={lattice={lower=[0.0015,0.0065],upper=[0.0045,0.0093],spacing=1.8}}".to_string(),
+        "grains[0].velocity=[0.02,-0.15]".into(),
+        "droplet.remesh.every=5".into(),
+        "fluid.solver.tolerance=1e-12".into(),
+        "fluid.mesh.rectangle.size=8e-4".into(),
+    ];
+    all.extend(sets.iter().map(|set| set.to_string()));
+    let text = std::fs::read_to_string(&path).expect("the scene");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("scene.toml");
+    // The lattice says how many grains there are.
+    std::fs::write(&file, text.replace("amount = { count = 3900 }\n", "")).expect("a file");
+    Scene::read(&file, &all).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn reading(simulation: &Simulation, name: &str) -> f64 {
+    let readings = simulation.readings();
+    readings.iter().find(|(column, _)| column == name).unwrap_or_else(|| panic!("no column {name}")).1
+}
+
+/// What the droplet holds: mass, velocity (y), impulse and heat that it has still to get, volume that it owes, and the share of it that is liquid.
+struct Books {
+    mass: f64,
+    velocity: f64,
+    impulse: f64,
+    warmth: f64,
+    owed: f64,
+    liquid: f64,
+}
+
+fn books(simulation: &mut Simulation) -> Books {
+    simulation.refresh().expect("the grains are cut");
+    let solid = simulation.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0.0, |wet| wet.volume());
+    let fluid = simulation.coupled().fluid().expect("a fluid");
+    let droplet = fluid.droplet.as_ref().expect("a droplet");
+    let (state, volume) = (&droplet.state, droplet.volume());
+    let lacks = (volume - state.liquid - solid).abs() / volume;
+    assert!(lacks < 1e-12, "liquid and grains fill the droplet but for {lacks}");
+    Books {
+        mass: droplet.mass(),
+        velocity: state.velocity.y,
+        impulse: state.impulse.y,
+        warmth: state.warmth,
+        owed: state.volume,
+        liquid: 1.0 - solid / volume,
+    }
+}
+
+#[test]
+fn water_volume_momentum_and_heat_add_up_with_grains_crossing_the_surface() {
+    const LATENT: f64 = 2.257e6;
+    // With these schemes grains hand nothing over to the droplet when it swallows them.
+    for scheme in ["explicit", "henry"] {
+        let scene = scene(&[&format!("coupling.scheme={scheme:?}")]);
+        let mut run = Simulation::new(&scene).expect("a valid scene");
+        let dt = scene.time.step;
+        let mut crossed = 0;
+        for step in 1..=24 {
+            let before = books(&mut run);
+            run.step().unwrap_or_else(|error| panic!("{scheme}: {error}"));
+            let wet = run.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0, |wet| wet.len());
+            let now = books(&mut run);
+            crossed = crossed.max(wet);
+            let of = |name: &str| reading(&run, name);
+
+            let water = of("droplet_water_defect_kg_per_m") / before.mass;
+            assert!(water.abs() < 1e-13, "{scheme}, step {step}: water {water:e}");
+
+            let boils = of("vaporisation_kg_per_s_per_m");
+            let heat = of("droplet_gas_heat_W_per_m") + of("droplet_grain_heat_W_per_m");
+            let lacks = LATENT * boils - heat + (now.warmth - before.warmth) / dt;
+            assert!(lacks.abs() < 1e-12 * heat.abs(), "{scheme}, step {step}: heat {lacks:e} of {heat:e}");
+
+            let force = before.liquid * of("droplet_gas_force_y_N_per_m") + of("droplet_grain_force_y_N_per_m");
+            let weight = -9.81 * before.mass;
+            let lacks = before.mass * (now.velocity - before.velocity) / dt - force - weight
+                + (now.impulse - before.impulse) / dt;
+            assert!(lacks.abs() < 1e-12 * weight.abs(), "{scheme}, step {step}: momentum {lacks:e}");
+
+            let vapour = boils * (1.0 / 1.204 - 1.0 / 958.4);
+            let lacks = of("flux_outflow_m2_per_s") - vapour + (now.owed - before.owed) / dt;
+            assert!(lacks.abs() < 1e-9 * vapour.abs(), "{scheme}, step {step}: volume {lacks:e} of {vapour:e}");
+            // What is owed stays what a step or two let through.
+            assert!(now.owed.abs() < 2.0 * dt * vapour, "{scheme}, step {step}: owes {:e}", now.owed);
+        }
+        assert!(crossed > 50, "{scheme}: only {crossed} grains were in the water");
+    }
+}
+
+#[test]
+fn every_scheme_takes_a_droplet_through_grains() {
+    for scheme in ["henry-free", "lagged", "anchored", "iterated"] {
+        let scene = scene(&[&format!("coupling.scheme={scheme:?}"), "coupling.cut={}"]);
+        let mut run = Simulation::new(&scene).expect("a valid scene");
+        for _ in 0..10 {
+            let report = run.step().unwrap_or_else(|error| panic!("{scheme}: {error}"));
+            for defect in [report.momentum_exchange_defect, report.energy_exchange_defect] {
+                assert!(defect < Some(1e-9), "{scheme}: {defect:?}");
+            }
+            books(&mut run);
+        }
+        let view = run.view();
+        let temperature = view.fluid.expect("a fluid").fields.scalar(0);
+        assert!(temperature.iter().all(|t| (373.15 - 1e-6..673.15 + 1e-6).contains(t)), "{scheme}");
+        let grains = view.grains.expect("grains").temperature.expect("heat");
+        assert!(grains.iter().all(|t| (373.15 - 1e-6..673.15 + 1e-6).contains(t)), "{scheme}");
+    }
+}
+
+/// Grains and fields, as bits.
+fn bits(run: &mut Simulation) -> Vec<u64> {
+    run.refresh().expect("fields");
+    let view = run.view();
+    let (grains, fluid) = (view.grains.expect("grains"), view.fluid.expect("fluid"));
+    let vectors = grains.position.iter().chain(grains.velocity).chain(&fluid.fields.velocity);
+    let scalars = grains.temperature.expect("heat").iter().chain(&fluid.fields.pressure);
+    let all = vectors.flat_map(|v| [v.x, v.y]).chain(scalars.copied());
+    all.map(f64::to_bits).collect()
+}
+
+#[test]
+fn a_droplet_is_the_same_for_one_two_and_four_threads() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| {
+            let mut run = Simulation::new(&scene(&[])).expect("a valid scene");
+            (0..8).for_each(|_| _ = run.step().expect("a step"));
+            bits(&mut run)
+        })
+    };
+    let one = run(1);
+    for threads in [2, 4] {
+        assert!(one == run(threads), "{threads} threads give other bits");
+    }
+}
+
+/// Steps before and after a checkpoint, straight on and from the checkpoint: both the same.
+fn goes_on_as_if_nothing_had_been(scene: &Scene, before: usize, after: usize) -> Simulation {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("checkpoint");
+    let mut straight = Simulation::new(scene).expect("a valid scene");
+    (0..before).for_each(|_| _ = straight.step().expect("a step"));
+    let hash = scene.hash().expect("a hash");
+    let stamp = Stamp { scene_hash: hash.clone(), step: straight.steps(), time: straight.time() };
+    Checkpoint::write(&path, &stamp, &straight.state().expect("a state"), &None::<Averages>).expect("a file");
+    let checkpoint = Checkpoint::read(&path, &hash).expect("a checkpoint");
+    let mut again = Simulation::new(scene).expect("a valid scene").restart(&checkpoint).expect("a restart");
+    for _ in 0..after {
+        straight.step().expect("a step");
+        again.step().expect("a step");
+    }
+    assert!(bits(&mut straight) == bits(&mut again), "the restarted run is another");
+    for name in ["droplet_y_m", "droplet_radius_m", "vaporisation_kg_per_s_per_m", "droplet_liquid_kg_per_m"] {
+        assert_eq!(reading(&straight, name), reading(&again, name), "{name}");
+    }
+    straight
+}
+
+#[test]
+fn a_droplet_goes_on_from_its_checkpoint_bit_for_bit_before_and_across_a_remeshing() {
+    goes_on_as_if_nothing_had_been(&scene(&[]), 3, 1);
+    goes_on_as_if_nothing_had_been(&scene(&[]), 7, 5);
+}
+
+#[test]
+fn a_droplet_that_boils_away_leaves_gas_in_its_place() {
+    // Small, and with so little heat of vaporisation that it is gone within some steps.
+    let scene = scene(&[
+        "fluid.mesh.rectangle.holes=[{name=\"droplet\",centre=[0.003,0.00825],radius=2e-4,size=5.5e-5}]",
+        "grains[0].placement={lattice={lower=[0.0015,0.001],upper=[0.0045,0.002],spacing=1.8}}",
+        "droplet.latent_heat=1.5e5",
+        "droplet.held=true",
+        "coupling.scheme=\"henry\"",
+    ]);
+    let mut run = Simulation::new(&scene).expect("a valid scene");
+    let columns = run.readings().len();
+    let mut steps = 0;
+    let gone = |run: &Simulation| {
+        run.coupled().fluid().and_then(|fluid| fluid.droplet.as_ref()).is_some_and(|droplet| droplet.state.gone)
+    };
+    while !gone(&run) {
+        steps += 1;
+        assert!(steps < 1000, "{} kg/m are left", reading(&run, "droplet_liquid_kg_per_m"));
+        run.step().unwrap_or_else(|error| panic!("{error}"));
+    }
+    let straight = goes_on_as_if_nothing_had_been(&scene, steps + 1, 3);
+    let fluid = straight.coupled().fluid().expect("a fluid");
+    assert!((fluid.mesh.volume() / (0.006 * 0.012) - 1.0).abs() < 1e-12, "the hole is filled");
+    assert!(fluid.conditions.iter().all(|condition| condition.boundary != "droplet"));
+    assert_eq!(straight.readings().len(), columns);
+    assert!(reading(&straight, "droplet_water_defect_kg_per_m").abs() < 1e-15);
+    for (column, value) in straight.readings() {
+        assert!(value.is_finite(), "{column} is {value}");
+    }
+}
+
+#[test]
+fn a_droplet_that_falls_on_the_floor_stops_above_it() {
+    let low = "fluid.mesh.rectangle.holes=[{name=\"droplet\",centre=[0.003,0.0025],radius=1e-3,size=1.1e-4}]";
+    let away = "grains[0].placement={lattice={lower=[0.0015,0.01],upper=[0.0045,0.0103],spacing=1.8}}";
+    let mut run = Simulation::new(&scene(&[low, away])).expect("a valid scene");
+    (0..60).for_each(|_| _ = run.step().unwrap_or_else(|error| panic!("{error}")));
+    let [y, radius] = ["droplet_y_m", "droplet_radius_m"].map(|name| reading(&run, name));
+    assert!(y - radius > 1e-5 && y - radius < 1e-4, "the gap is {} m", y - radius);
+    let speed = reading(&run, "droplet_velocity_y_m_per_s");
+    assert!(speed.abs() < 5e-3, "{speed} m/s");
+}
+
+#[test]
+fn a_droplet_no_wider_than_the_grains_in_it_vanishes() {
+    let small = "fluid.mesh.rectangle.holes=[{name=\"droplet\",centre=[0.003,0.00825],radius=2e-4,size=5.5e-5}]";
+    let mut run = Simulation::new(&scene(&[small])).expect("a valid scene");
+    (0..6).for_each(|_| _ = run.step().expect("a step"));
+    let droplet = run.coupled().fluid().and_then(|fluid| fluid.droplet.clone()).expect("a droplet");
+    assert!(droplet.state.gone && droplet.state.liquid > 0.5 * droplet.first);
+}
+
+#[test]
+fn a_hot_grain_in_a_held_droplet_boils_what_its_heat_can() {
+    // One grain, whole in the water; gas and walls are as warm as the droplet and give nothing.
+    let cold = [
+        "grains[0].placement={lattice={lower=[0.00285,0.0081],upper=[0.003,0.00825],spacing=1.0}}",
+        "grains[0].velocity=[0.0,0.0]",
+        "grains[0].radius=5e-5",
+        "gravity=[0.0,0.0]",
+        "droplet.held=true",
+        "fluid.heat.initial_temperature=373.15",
+        "fluid.heat.reference_temperature=373.15",
+        "fluid.boundaries[0].heat={open={temperature=373.15}}",
+        "fluid.boundaries[1].heat={temperature=373.15}",
+    ];
+    for scheme in ["henry", "iterated"] {
+        let mut sets = cold.to_vec();
+        let scheme = format!("coupling.scheme={scheme:?}");
+        sets.push(&scheme);
+        let mut run = Simulation::new(&scene(&sets)).expect("a valid scene");
+        let heat = run.coupled().grains().and_then(|grains| grains.particles.heat.clone()).expect("heat");
+        let warmth: f64 = heat.capacity.iter().map(|capacity| capacity * 300.0).sum();
+        (0..60).for_each(|_| _ = run.step().expect("a step"));
+        let droplet = run.coupled().fluid().and_then(|fluid| fluid.droplet.clone()).expect("a droplet");
+        let boiled = droplet.state.boiled * 958.4 * 2.257e6;
+        assert!((boiled / warmth - 1.0).abs() < 1e-9, "{scheme}: {boiled} J of {warmth} J");
+    }
+}
+
+#[test]
+fn water_and_grains_in_it_share_their_momentum_as_implicit_drag_does() {
+    // A gas that is next to nothing. Grains with a velocity in a droplet at rest: the slip falls by 1/(1 + A + B) in a step.
+    let sets = [
+        "grains[0].placement={lattice={lower=[0.0027,0.008],upper=[0.0033,0.0085],spacing=1.5}}",
+        "grains[0].velocity=[0.0,0.001]",
+        "grains[0].radius=5e-5",
+        "gravity=[0.0,0.0]",
+        "fluid.density=1e-7",
+        "fluid.viscosity=1e-12",
+        "fluid.heat.initial_temperature=373.15",
+        "fluid.heat.reference_temperature=373.15",
+        "fluid.boundaries[0].heat={open={temperature=373.15}}",
+        "fluid.boundaries[1].heat={temperature=373.15}",
+        "grains[0].temperature=373.15",
+        "coupling.scheme=\"henry\"",
+    ];
+    let mut run = Simulation::new(&scene(&sets)).expect("a valid scene");
+    for _ in 0..3 {
+        let before = books(&mut run);
+        let wet = run.coupled().interaction().and_then(|i| i.wet.clone()).expect("water");
+        let grains = run.coupled().grains().expect("grains").particles.clone();
+        let slip = grains.velocity[0].y - before.velocity;
+        run.step().expect("a step");
+        let (dt, now) = (5e-4, run.coupled().grains().expect("grains").particles.velocity[0].y);
+        let wet = run.coupled().interaction().and_then(|i| i.wet.as_ref()).unwrap_or(&wet);
+        let drag: f64 = (0..grains.len()).map(|i| wet.drag(i)).sum();
+        let (a, b) = (dt * drag / before.mass, dt * wet.drag(0) / grains.mass[0]);
+        let droplet = run.coupled().fluid().and_then(|fluid| fluid.droplet.clone()).expect("a droplet");
+        let ratio = (now - droplet.state.velocity.y) / slip;
+        assert!((ratio * (1.0 + a + b) - 1.0).abs() < 1e-4, "{ratio} where A = {a}, B = {b}");
+        assert!(a > 1e-3 && b > 0.05, "A = {a}, B = {b}: the test sees little");
+    }
+}
