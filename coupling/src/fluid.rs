@@ -3,8 +3,8 @@
 use crate::StepReport;
 use crate::TEMPERATURE;
 use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
-use crate::droplet::{Droplet, DropletState};
 use crate::droplet::surface::Surface;
+use crate::droplet::{Droplet, DropletState};
 use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
 use crate::motion::MeshMover;

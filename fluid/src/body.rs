@@ -293,7 +293,8 @@ impl<const D: usize> Bodies<D> {
             matrix.column_mut(k).axpy(-1.0, &slope, 1.0);
         }
         let velocity = matrix.lu().solve(&right).filter(|u| u.iter().all(|u| u.is_finite()));
-        let velocity = velocity.ok_or_else(|| Error::Linear("the motion of a body has no solution".into()))?;
+        let velocity =
+            velocity.ok_or_else(|| Error::Linear("the motion of a body has no solution".into()))?;
         for (along, response) in velocity.iter().zip(&responses) {
             x.iter_mut().zip(response).for_each(|(x, response)| *x += along * response);
         }
@@ -334,9 +335,7 @@ impl<const D: usize> Bodies<D> {
         &'a self,
         conditions: &'a [Condition<D>],
     ) -> impl Iterator<Item = (&'a Surface<D>, &'a Body<D>)> {
-        self.surfaces
-            .iter()
-            .filter_map(|surface| Some((surface, body_of(conditions, surface.condition)?)))
+        self.surfaces.iter().filter_map(|surface| Some((surface, body_of(conditions, surface.condition)?)))
     }
 }
 
@@ -358,9 +357,8 @@ impl<const D: usize> Surface<D> {
                 let surface = moves + body.place(&geometry.mesh.points[node]) * body.expansion;
                 surface.dot(&facet.normal)
             };
-            let passes = |phi: &[f64; 3]| {
-                facet.at(phi, |node| voidage[node]) * facet.at(phi, along) - self.blowing
-            };
+            let passes =
+                |phi: &[f64; 3]| facet.at(phi, |node| voidage[node]) * facet.at(phi, along) - self.blowing;
             facet.load(passes, |node, volume| f(node as usize, volume));
             for (&node, volume) in nodes.iter().zip(solid.next().into_iter().flatten()) {
                 f(node as usize, *volume);

@@ -40,7 +40,8 @@ struct Books {
 
 fn books(simulation: &mut Simulation) -> Books {
     simulation.refresh().expect("the grains are cut");
-    let solid = simulation.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0.0, |wet| wet.volume());
+    let solid =
+        simulation.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0.0, |wet| wet.volume());
     let fluid = simulation.coupled().fluid().expect("a fluid");
     let droplet = fluid.droplet.as_ref().expect("a droplet");
     let (state, volume) = (&droplet.state, droplet.volume());
@@ -81,7 +82,8 @@ fn water_volume_momentum_and_heat_add_up_with_grains_crossing_the_surface() {
             let lacks = LATENT * boils - heat + (now.warmth - before.warmth) / dt;
             assert!(lacks.abs() < 1e-12 * heat.abs(), "{scheme}, step {step}: heat {lacks:e} of {heat:e}");
 
-            let force = before.liquid * of("droplet_gas_force_y_N_per_m") + of("droplet_grain_force_y_N_per_m");
+            let force =
+                before.liquid * of("droplet_gas_force_y_N_per_m") + of("droplet_grain_force_y_N_per_m");
             let weight = -9.81 * before.mass;
             let lacks = before.mass * (now.velocity - before.velocity) / dt - force - weight
                 + (now.impulse - before.impulse) / dt;
@@ -89,7 +91,10 @@ fn water_volume_momentum_and_heat_add_up_with_grains_crossing_the_surface() {
 
             let vapour = boils * (1.0 / 1.204 - 1.0 / 958.4);
             let lacks = of("flux_outflow_m2_per_s") - vapour + (now.owed - before.owed) / dt;
-            assert!(lacks.abs() < 1e-9 * vapour.abs(), "{scheme}, step {step}: volume {lacks:e} of {vapour:e}");
+            assert!(
+                lacks.abs() < 1e-9 * vapour.abs(),
+                "{scheme}, step {step}: volume {lacks:e} of {vapour:e}"
+            );
             // What is owed stays what a step or two let through.
             assert!(now.owed.abs() < 2.0 * dt * vapour, "{scheme}, step {step}: owes {:e}", now.owed);
         }
@@ -160,7 +165,8 @@ fn goes_on_as_if_nothing_had_been(scene: &Scene, before: usize, after: usize) ->
         again.step().expect("a step");
     }
     assert!(bits(&mut straight) == bits(&mut again), "the restarted run is another");
-    for name in ["droplet_y_m", "droplet_radius_m", "vaporisation_kg_per_s_per_m", "droplet_liquid_kg_per_m"] {
+    for name in ["droplet_y_m", "droplet_radius_m", "vaporisation_kg_per_s_per_m", "droplet_liquid_kg_per_m"]
+    {
         assert_eq!(reading(&straight, name), reading(&again, name), "{name}");
     }
     straight
@@ -186,7 +192,10 @@ fn a_droplet_that_boils_away_leaves_gas_in_its_place() {
     let columns = run.readings().len();
     let mut steps = 0;
     let gone = |run: &Simulation| {
-        run.coupled().fluid().and_then(|fluid| fluid.droplet.as_ref()).is_some_and(|droplet| droplet.state.gone)
+        run.coupled()
+            .fluid()
+            .and_then(|fluid| fluid.droplet.as_ref())
+            .is_some_and(|droplet| droplet.state.gone)
     };
     while !gone(&run) {
         steps += 1;
@@ -218,7 +227,8 @@ fn a_droplet_that_falls_on_the_floor_stops_above_it() {
 
 #[test]
 fn a_droplet_no_wider_than_the_grains_in_it_vanishes() {
-    let small = "fluid.mesh.rectangle.holes=[{name=\"droplet\",centre=[0.003,0.00825],radius=2e-4,size=5.5e-5}]";
+    let small =
+        "fluid.mesh.rectangle.holes=[{name=\"droplet\",centre=[0.003,0.00825],radius=2e-4,size=5.5e-5}]";
     let mut run = Simulation::new(&scene(&[small])).expect("a valid scene");
     (0..6).for_each(|_| _ = run.step().expect("a step"));
     let droplet = run.coupled().fluid().and_then(|fluid| fluid.droplet.clone()).expect("a droplet");

@@ -176,8 +176,7 @@ impl Droplet<2> {
         material: Material<2>,
     ) -> Result<Self> {
         let (surface, found) = Surface::new(mesh, mesh.boundary(boundary)?, &centre)?;
-        let answer =
-            Answer { velocity, force: Vector::zeros(), heat: 0.0, vapour: 0.0, through: 0.0 };
+        let answer = Answer { velocity, force: Vector::zeros(), heat: 0.0, vapour: 0.0, through: 0.0 };
         let state = DropletState {
             centre,
             velocity,
@@ -281,9 +280,12 @@ impl<const D: usize> Droplet<D> {
         let shrinks = answer.vapour * material.vapour_density / material.water.density;
         let expansion = (swept - shrinks + returned * state.volume / dt) / opening;
         self.moving.clear();
-        self.moving.extend(mesh.points.iter().zip(&self.weight).map(|(x, weight)| {
-            (answer.velocity + (x - state.centre).normalize() * expansion) * *weight
-        }));
+        self.moving.extend(
+            mesh.points
+                .iter()
+                .zip(&self.weight)
+                .map(|(x, weight)| (answer.velocity + (x - state.centre).normalize() * expansion) * *weight),
+        );
         for (node, s) in self.surface.nodes() {
             self.moving[*node as usize] = answer.velocity + s * expansion;
         }
@@ -378,7 +380,11 @@ impl<const D: usize> Droplet<D> {
     }
 
     /// Takes a solution of the fluid.
-    pub(crate) fn receive(&mut self, body: Option<&BodyAnswer<D>>, balance: Option<&Balance<D>>) -> Result<()> {
+    pub(crate) fn receive(
+        &mut self,
+        body: Option<&BodyAnswer<D>>,
+        balance: Option<&Balance<D>>,
+    ) -> Result<()> {
         let (Some(body), Some(balance)) = (body, balance) else {
             return Err(Error::run(Notice::new(
                 "the fluid solver does not say what the droplet does",
@@ -432,7 +438,8 @@ impl<const D: usize> Droplet<D> {
             return Ok(());
         }
         let centre = self.state.centre + answer.velocity * dt;
-        let radius = radius(self.state.liquid, self.state.radius, |radius| solid(&self.surface, &centre, radius))?;
+        let radius =
+            radius(self.state.liquid, self.state.radius, |radius| solid(&self.surface, &centre, radius))?;
         let before: Vec<f64> = (0..mesh.cell_count()).map(|cell| mesh.measure(cell)).collect();
         self.put(&centre, radius, &mut mesh.points);
         let crushed = |(cell, before): (usize, &f64)| mesh.measure(cell) < LEAST_MEASURE * before;
@@ -509,7 +516,11 @@ fn radius(liquid: f64, guess: f64, solid: impl Fn(f64) -> (f64, f64)) -> Result<
         if excess.abs() <= 1e-14 * liquid {
             return Ok(radius);
         }
-        if excess > 0.0 { high = high.min(radius) } else { low = low.max(radius) }
+        if excess > 0.0 {
+            high = high.min(radius)
+        } else {
+            low = low.max(radius)
+        }
         let next = radius - excess / (2.0 * pi * radius - growth);
         // Grains that fill the surface leave Newton's step nothing to go by.
         let next = if next > low && next < high { next } else { (low + high) / 2.0 };

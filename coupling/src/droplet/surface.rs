@@ -59,7 +59,14 @@ impl<const D: usize> Surface<D> {
             return Err(Error::Mesh(format!("the boundary \"{name}\" does not go round {centre:?}")));
         }
         let radius = (areas().sum::<f64>() / std::f64::consts::PI).sqrt();
-        let numbers: Vec<f64> = ends.iter().flatten().map(|x| x / radius).collect::<Vec<Vector<D>>>().iter().flat_map(|s| s.iter().copied()).collect();
+        let numbers: Vec<f64> = ends
+            .iter()
+            .flatten()
+            .map(|x| x / radius)
+            .collect::<Vec<Vector<D>>>()
+            .iter()
+            .flat_map(|s| s.iter().copied())
+            .collect();
         Ok((Self::of(part, &numbers), radius))
     }
 
@@ -160,8 +167,7 @@ mod tests {
     use voidage_fluid::mesh::{Hole, Rectangle, Sides};
 
     fn surface() -> (Surface<2>, f64) {
-        let hole =
-            Hole { name: "droplet".into(), centre: [0.5, 0.4], radius: 0.2, size: 0.05, growth: 0.2 };
+        let hole = Hole { name: "droplet".into(), centre: [0.5, 0.4], radius: 0.2, size: 0.05, growth: 0.2 };
         let mesh = Mesh::rectangle(&Rectangle {
             lower: [0.0; 2],
             upper: [1.0; 2],
@@ -182,9 +188,12 @@ mod tests {
         let (surface, size) = surface();
         assert!((size - 0.2).abs() < 5e-3 && size < 0.2, "{size}");
         let inside = |p: Vector<2>| {
-            (0..surface.facets() as u32).all(|k| (p - surface.shape(k, 0.5) * size).dot(&surface.normal(k)) >= 0.0)
+            (0..surface.facets() as u32)
+                .all(|k| (p - surface.shape(k, 0.5) * size).dot(&surface.normal(k)) >= 0.0)
         };
-        for (x, radius) in [([0.2, 0.0], 0.03), ([0.13, -0.14], 0.02), ([-0.05, 0.17], 0.1), ([0.0, 0.0], 0.3)] {
+        for (x, radius) in
+            [([0.2, 0.0], 0.03), ([0.13, -0.14], 0.02), ([-0.05, 0.17], 0.1), ([0.0, 0.0], 0.3)]
+        {
             let x = Vector::<2>::from(x);
             let area = |size: f64, x: Vector<2>| surface.cut(size, &x, radius).map_or(0.0, |w| w.area);
             let strips = 800;

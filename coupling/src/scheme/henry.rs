@@ -61,9 +61,8 @@ pub(super) fn predict<const D: usize>(
         for i in 0..particles.len() {
             let inertia = heat.capacity[i] / dt;
             let conducted = grains.contact_heat().get(i).copied().unwrap_or(0.0);
-            let (in_water, warmth) = water.map_or((0.0, 0.0), |(wet, stream)| {
-                (wet.transfer(i), wet.transfer(i) * stream.temperature)
-            });
+            let (in_water, warmth) = water
+                .map_or((0.0, 0.0), |(wet, stream)| (wet.transfer(i), wet.transfer(i) * stream.temperature));
             law.mobility[i] = 1.0 / (inertia + law.coefficient[i] + in_water);
             law.temperature[i] = law.mobility[i] * (inertia * heat.temperature[i] + conducted + warmth);
         }

@@ -148,9 +148,7 @@ impl<'a> Between<'a> {
             let nearest =
                 rim.flat_map(|part| &part.facets).min_by(|a, b| distance(a).total_cmp(&distance(b)));
             let text = || format!("a new node at ({}, {}) lies outside of the mesh", point[0], point[1]);
-            return nearest
-                .map(|node| ([*node; 3], [1.0, 0.0, 0.0]))
-                .ok_or_else(|| Error::Mesh(text()));
+            return nearest.map(|node| ([*node; 3], [1.0, 0.0, 0.0])).ok_or_else(|| Error::Mesh(text()));
         };
         let cell = cell as usize;
         let shape = self.mesh.barycentric(cell, point);

@@ -133,8 +133,10 @@ fn fall(edge: f64, steps: usize) -> Result<f64> {
     fluid.droplet = Some(Box::new(droplet));
     let when = Remesh { every: 1, ..Remesh::default() };
     fluid.remesher = Some(Remesher::around_droplet(&fluid.mesh, None, when));
-    let mut system =
-        Coupled::new(System::Fluid(Box::new(fluid)), SchemeName::default().build(&Iteration::default(), None));
+    let mut system = Coupled::new(
+        System::Fluid(Box::new(fluid)),
+        SchemeName::default().build(&Iteration::default(), None),
+    );
     let dt = 0.25 / terminal;
     for _ in 0..steps {
         system.step(dt)?;
@@ -179,6 +181,12 @@ fn run(effort: Effort) -> Result<Outcome> {
     }
 
     let speed = fall(effort.pick(0.1, 0.05), effort.pick(6, 12))?;
-    outcome.findings.push(Finding::relative("fall between walls, remeshed in each step", "U", 1.0, speed, 2e-2));
+    outcome.findings.push(Finding::relative(
+        "fall between walls, remeshed in each step",
+        "U",
+        1.0,
+        speed,
+        2e-2,
+    ));
     Ok(outcome)
 }

@@ -60,8 +60,7 @@ fn solve(wall: f64, rings: usize) -> Result<(f64, Flow<2, 3>)> {
     let mesh = annulus(DISC, WALL, rings, 4 * rings);
     let mut set = FluidSet::new(DENSITY, VISCOSITY);
     let heat = Scalar::new(TEMPERATURE, DENSITY * CAPACITY, CONDUCTIVITY);
-    set.scalars =
-        vec![Scalar { reference: BOILING, ..heat }, Scalar::new("vapour", 1.0, DIFFUSIVITY)];
+    set.scalars = vec![Scalar { reference: BOILING, ..heat }, Scalar::new("vapour", 1.0, DIFFUSIVITY)];
     let disc = Body {
         centre: Vec2::zeros(),
         radius: DISC,

@@ -148,8 +148,8 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
     /// Its header.
     pub fn header(&self) -> Header {
         let Solution { fields, balances, bodies, .. } = self.solution;
-        let numbers = balances.len() * numbers_of_balance(D, fields.scalars.len())
-            + bodies.len() * numbers_of_body(D);
+        let numbers =
+            balances.len() * numbers_of_balance(D, fields.scalars.len()) + bodies.len() * numbers_of_body(D);
         let length = (self.layout.end() + numbers + REPORT) as u64;
         let header = Header { parts: balances.len() as u64, length, ..Header::new(Kind::Solution) };
         self.layout.describe(fields.scalars(), header)
@@ -203,7 +203,8 @@ pub fn read_solution<const D: usize>(
     let width = numbers_of_balance(D, scalars);
     let end = place.end() + header.parts as usize * width;
     // Between the balances and the report, which is the end, lie the bodies.
-    let rest = (header.length as usize).checked_sub(end + REPORT).filter(|_| payload.len() as u64 >= header.length);
+    let rest =
+        (header.length as usize).checked_sub(end + REPORT).filter(|_| payload.len() as u64 >= header.length);
     let Some(bodies) = rest.filter(|rest| rest % numbers_of_body(D) == 0) else {
         return wrong("a solution without report".into());
     };

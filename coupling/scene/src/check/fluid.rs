@@ -2,7 +2,8 @@
 
 use super::{Checked, coordinates, fail, known, not_negative, positive, tolerance, within};
 use crate::{
-    Backend, Boundary, Droplet, Flow, Fluid, FluidHeat, HeatBoundary, Liquid, MeshSource, ScalarBoundary, Scene, Solver,
+    Backend, Boundary, Droplet, Flow, Fluid, FluidHeat, HeatBoundary, Liquid, MeshSource, ScalarBoundary,
+    Scene, Solver,
 };
 use voidage_coupling::TEMPERATURE;
 use voidage_fluid::mesh::{Rectangle, Sides};
