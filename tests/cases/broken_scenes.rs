@@ -364,6 +364,28 @@ fn refused(folder: &Path, arguments: &[&str]) -> String {
 }
 
 #[test]
+fn mistakes_of_a_droplet_are_named() {
+    const DROPLET: &str = include_str!("../../cases/droplet-digging/scene-quick.toml");
+    let boundary = "[[fluid.boundaries]]\nname = \"droplet\"\nflow = \"no-slip\"\n\n[droplet]";
+    for (change, says) in [
+        (["boundary = \"droplet\"", "boundary = \"drop\""], ["drop", "there are: droplet"]),
+        (["latent_heat = 2.257e6", "latent_heat = 0.0"], ["droplet.latent_heat = 0", "above 0"]),
+        (["scalars = { vapour = 1.0 }", "scalars = { steam = 1.0 }"], ["steam", "there are: vapour"]),
+        (["flow = \"open\"", "flow = \"slip\""], ["no way out", "flow = \"open\""]),
+        (["[droplet]", boundary], ["has a table in `[[fluid.boundaries]]`", "take that away"]),
+        (["boundary = \"droplet\"", "boundary = \"droplet\"\nheld = 1"], ["droplet.held", "true or false"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(DROPLET.contains(change[0]), "{}", change[0]);
+        fs::write(folder.path().join("scene.toml"), DROPLET.replacen(change[0], change[1], 1)).unwrap();
+        let said = refused(folder.path(), &["check", "scene.toml"]);
+        for text in says {
+            assert!(said.contains(text), "{} says\n{said}", change[1]);
+        }
+    }
+}
+
+#[test]
 fn every_mistake_is_named_with_its_place_and_its_remedy() {
     let mut wrong = Vec::new();
     for Mistake { what, change: [from, to], line, says } in MISTAKES {

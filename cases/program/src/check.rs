@@ -12,6 +12,10 @@ pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     line("steps", format!("{} of {} s to {} s", scene.time.steps(), scene.time.step, scene.time.end));
     grains(&scene);
     fluid(&scene)?;
+    part("droplet", scene.droplet.as_ref(), |droplet| {
+        let held = if droplet.held { ", held" } else { "" };
+        format!("the hole \"{}\" at {} K{held}", droplet.boundary, droplet.temperature)
+    });
     part("coupling", scene.coupling.as_ref(), |coupling| {
         format!(
             "{} with drag {} and voidage function {}",

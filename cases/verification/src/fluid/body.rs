@@ -74,7 +74,7 @@ fn channel(half: f64, length: f64, edge: f64) -> Result<Mesh<2>> {
         lower: [-length, -half],
         upper: [length, half],
         // The gap beside the disc needs some cells too.
-        size: Some((half / 6.0).min((half - 1.0) / 10.0)),
+        size: Some((half / 6.0).min((half - 1.0) * edge)),
         sides: Sides {
             left: Side::named("walls"),
             right: Side::named("walls"),
