@@ -168,13 +168,14 @@ impl Parts {
     }
 }
 
-/// Means over so many points around each; fewer at the ends.
+/// Means over so many points around each, over their mean time; fewer at the ends.
 fn moving_mean(points: &[(f64, f64)]) -> Points {
     let mean = |k: usize| {
         let window = &points[k.saturating_sub(SMOOTH / 2)..(k + SMOOTH.div_ceil(2)).min(points.len())];
-        window.iter().map(|point| point.1).sum::<f64>() / window.len() as f64
+        let sum = window.iter().fold((0.0, 0.0), |sum, point| (sum.0 + point.0, sum.1 + point.1));
+        (sum.0 / window.len() as f64, sum.1 / window.len() as f64)
     };
-    points.iter().enumerate().map(|(k, (time, _))| (*time, mean(k))).collect()
+    (0..points.len()).map(mean).collect()
 }
 
 /// A picture over time.
@@ -276,4 +277,18 @@ pub fn draw(folder: &Path, run: &Run) -> Result<Vec<PathBuf>> {
         }
     }
     Ok(drawn)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moving_mean_keeps_lines_and_takes_away_noise() {
+        let line: Points = (0..40).map(|k| (f64::from(k), 3.0 * f64::from(k))).collect();
+        assert!(moving_mean(&line).iter().all(|(x, y)| (y - 3.0 * x).abs() < 1e-12));
+        let noise: Points = (0..40).map(|k| (f64::from(k), f64::from(k % 2))).collect();
+        assert!(moving_mean(&noise)[10..30].iter().all(|point| point.1 == 0.5));
+        assert_eq!(moving_mean(&[]), []);
+    }
 }

@@ -37,8 +37,9 @@ pub fn draw(folder: &Path, run: &Run, track: Option<&Track>, moments: &[Moment])
     let named = curves.len();
     curves.push(Curve::known("", heights));
     let label = "mean grain temperature (T \u{2212} T_d) / (T\u{2080} \u{2212} T_d)";
+    let title = format!("horizontal slices {SLICE} D high; circles: centre of the droplet");
     let vertical =
-        Panel { curves, ..Panel::new(format!("horizontal slices {SLICE} D high"), label, "height y / D") };
+        Panel { headroom: 0.055 * named as f64, curves, ..Panel::new(title, label, "height y / D") };
     let [x, y] = track.centre(time).map(|place| place / run.diameter);
     let inside = |[along, up]: [f64; 2]| ((up - y).abs() < 0.5 * SLICE).then_some(along / PART);
     let parts = means(run, &grains, inside).into_iter().map(|(part, mean)| (PART * part, mean)).collect();
