@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 use voidage_campaign::progress;
-use voidage_coupling::{Error, Notice, Result};
+use voidage_coupling::{Error, Result};
 use voidage_remote::transport::Address;
 use voidage_scene::{Scene, json_schema};
 
@@ -55,10 +55,14 @@ enum Command {
         #[arg(long = "set", value_name = "KEY=VALUE")]
         sets: Vec<String>,
     },
-    /// Draw the pictures of a run again from the files in its folder.
+    /// Draw the pictures of a run again from the files in its folder; with more folders, those that compare the droplets of runs.
     Plot {
-        /// Folder of the run.
-        folder: PathBuf,
+        /// Folders of runs.
+        #[arg(required = true, value_name = "FOLDER")]
+        folders: Vec<PathBuf>,
+        /// Folder of the pictures that compare runs. Default: the current one.
+        #[arg(long)]
+        out: Option<PathBuf>,
     },
     /// Print all keys of a scene with their meaning, units and defaults, as JSON schema.
     Schema {
@@ -126,12 +130,8 @@ fn perform(command: Command) -> Result<u8> {
         Command::Study(options) => voidage_studies::study(&options),
         Command::Measure => voidage_studies::measure(),
         Command::Check { scene, sets } => check::check(&scene, &sets),
-        Command::Plot { folder } => {
-            let pictures = plot::draw(&folder)?;
-            if pictures.is_empty() {
-                let what = format!("{}: holds neither series.csv nor frames", folder.display());
-                return Err(Error::input(Notice::new(what, plot::FOLDER)));
-            }
+        Command::Plot { folders, out } => {
+            let pictures = plot::plot(&folders, out.as_deref())?;
             pictures.iter().for_each(|picture| println!("{}", picture.display()));
             Ok(0)
         }

@@ -130,11 +130,13 @@ impl Canvas {
         }
     }
 
-    /// Fills a disc inside the frame, with a thin dark rim.
+    /// Fills a disc inside the frame, with a thin dark rim; one that is less than two pixels of the saved picture wide is a dot without a rim, which
+    /// covers a pixel at least.
     pub fn disc(&mut self, frame: Frame, centre: [f64; 2], radius: f64, colour: [u8; 3]) {
         let [cx, cy] = frame.place(centre[0], centre[1]);
-        let radius = radius * frame.scale();
-        let rim = (0.12 * radius).clamp(0.4, 2.0);
+        let pixel = f64::from(SCALE);
+        let radius = (radius * frame.scale()).max(0.5 * pixel);
+        let rim = if radius < pixel { 0.0 } else { (0.12 * radius).clamp(0.4, 2.0) };
         let (low, high) = bounds(frame, &[[cx - radius, cy - radius], [cx + radius, cy + radius]]);
         for y in low[1]..high[1] {
             for x in low[0]..high[0] {
@@ -143,6 +145,25 @@ impl Canvas {
                     self.set(x, y, colour);
                 } else if distance <= radius {
                     self.set(x, y, colour.map(|channel| (channel as f64 * 0.55) as u8));
+                }
+            }
+        }
+    }
+
+    /// Fills a polygon inside the frame.
+    pub fn polygon(&mut self, frame: Frame, corners: &[[f64; 2]], colour: [u8; 3]) {
+        let corners: Vec<[f64; 2]> = corners.iter().map(|corner| frame.place(corner[0], corner[1])).collect();
+        let (low, high) = bounds(frame, &corners);
+        for y in low[1]..high[1] {
+            let row = y as f64 + 0.5;
+            let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+            let crossing = sides.filter(|(a, b)| (a[1] <= row) != (b[1] <= row));
+            let mut ends: Vec<f64> =
+                crossing.map(|(a, b)| a[0] + (row - a[1]) / (b[1] - a[1]) * (b[0] - a[0])).collect();
+            ends.sort_by(f64::total_cmp);
+            for [from, to] in ends.as_chunks::<2>().0 {
+                for x in (from.round() as i64).max(low[0])..(to.round() as i64).min(high[0]) {
+                    self.set(x, y, colour);
                 }
             }
         }

@@ -11,6 +11,10 @@ const COLUMNS: usize = 3;
 const ROWS: usize = 4;
 /// Size of a panel in pixels of the saved picture.
 const SIZE: [u32; 2] = [560, 430];
+/// The same of a panel that stands for itself.
+const LARGE: [u32; 2] = [840, 600];
+/// Share of the lowest and of the highest values of a faint curve that its axis need not reach.
+const EXTREME: f64 = 0.005;
 
 // Colours that colour-blind readers can tell apart (Okabe and Ito).
 pub(super) const COLOURS: [RGBColor; 6] = [
@@ -22,6 +26,8 @@ pub(super) const COLOURS: [RGBColor; 6] = [
     RGBColor(86, 180, 233),
 ];
 
+const GREY: RGBColor = RGBColor(130, 130, 130);
+
 /// One small plot.
 #[derive(Clone, Debug)]
 pub struct Panel {
@@ -31,6 +37,8 @@ pub struct Panel {
     pub labels: [String; 2],
     /// Which axes are logarithmic.
     pub log: [bool; 2],
+    /// Whether the vertical axis points down: depths.
+    pub down: bool,
     /// Share of the height left free above the curves, for the legend.
     pub headroom: f64,
     /// The curves; values that are not positive are left out on a logarithmic axis.
@@ -54,7 +62,7 @@ pub struct Curve {
 pub enum Style {
     /// Black line: exact.
     Line,
-    /// Black circles: known values, tables.
+    /// Black circles: known values, tables, marks on other curves.
     Known,
     /// Grey dashes: a slope, a bound.
     Dashes,
@@ -64,6 +72,8 @@ pub enum Style {
     Measured,
     /// Coloured discs joined by a line.
     Joined,
+    /// Thin pale line, whose few greatest and least values may lie beyond the axis: what was recorded, beside its mean.
+    Faint,
 }
 
 impl Curve {
@@ -87,6 +97,11 @@ impl Curve {
         Self { name: name.into(), points, style: Style::Measured }
     }
 
+    /// Measured values that are noisy, beside their mean.
+    pub fn faint(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, style: Style::Faint }
+    }
+
     /// Measured values that belong together: errors against mesh size.
     pub fn joined(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), points, style: Style::Joined }
@@ -105,6 +120,7 @@ impl Panel {
             title: title.into(),
             labels: [x.into(), y.into()],
             log: [false; 2],
+            down: false,
             headroom: 0.0,
             curves: Vec::new(),
         }
@@ -139,9 +155,21 @@ pub fn pages(folder: &Path, name: &str, panels: &[Panel]) -> Result<Vec<PathBuf>
 /// # Errors
 /// The file cannot be written.
 pub fn grid(path: &Path, columns: usize, panels: &[Panel]) -> Result<()> {
+    sheet(path, columns, SIZE, panels)
+}
+
+/// The same with large panels: figures of their own.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn large(path: &Path, columns: usize, panels: &[Panel]) -> Result<()> {
+    sheet(path, columns, LARGE, panels)
+}
+
+fn sheet(path: &Path, columns: usize, size: [u32; 2], panels: &[Panel]) -> Result<()> {
     let columns = panels.len().clamp(1, columns);
     let rows = panels.len().div_ceil(columns);
-    let mut canvas = Canvas::new(SIZE[0] * columns as u32, SIZE[1] * rows as u32);
+    let mut canvas = Canvas::new(size[0] * columns as u32, size[1] * rows as u32);
     canvas.draw(path, |area| {
         for (panel, area) in panels.iter().zip(area.split_evenly((rows, columns))) {
             draw(panel, &area)?;
@@ -158,6 +186,18 @@ fn places(panel: &Panel, curve: &Curve) -> Vec<(f64, f64)> {
     all.filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
 }
 
+/// The points of a curve that its axes must reach.
+fn reached<'a>(curve: &Curve, places: &'a [(f64, f64)]) -> impl Iterator<Item = &'a (f64, f64)> {
+    let mut bounds = (f64::NEG_INFINITY, f64::INFINITY);
+    if curve.style == Style::Faint && !places.is_empty() {
+        let mut sorted: Vec<f64> = places.iter().map(|place| place.1).collect();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| sorted[(share * (sorted.len() - 1) as f64).round() as usize];
+        bounds = (at(EXTREME), at(1.0 - EXTREME));
+    }
+    places.iter().filter(move |place| (bounds.0..=bounds.1).contains(&place.1))
+}
+
 /// Bounds of an axis around values, with some air; from decade to decade at least on a logarithmic axis.
 fn bounds(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -172,8 +212,10 @@ fn bounds(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
 
 fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::error::Error>> {
     let curves: Vec<Vec<(f64, f64)>> = panel.curves.iter().map(|curve| places(panel, curve)).collect();
-    let (left, right) = bounds(curves.iter().flatten().map(|point| point.0), panel.log[0]);
-    let (low, high) = bounds(curves.iter().flatten().map(|point| point.1), panel.log[1]);
+    let reached = || panel.curves.iter().zip(&curves).flat_map(|(curve, places)| reached(curve, places));
+    let (left, right) = bounds(reached().map(|point| point.0), panel.log[0]);
+    let (low, high) = bounds(reached().map(|point| point.1), panel.log[1]);
+    let (low, high) = if panel.down { (high, low) } else { (low, high) };
     let high = high + panel.headroom * (high - low);
     let mut chart = ChartBuilder::on(area)
         .caption(&panel.title, text(19))
@@ -197,18 +239,25 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
         .axis_style(BLACK.stroke_width(pixels(1)))
         .set_all_tick_mark_size(pixels(4))
         .draw()?;
-    let mut colours = COLOURS.iter().cycle();
+    // Darker where there are more curves than colours.
+    let dark = COLOURS.iter().map(|RGBColor(r, g, b)| RGBColor(r / 2, g / 2, b / 2));
+    let mut colours = COLOURS.iter().copied().chain(dark).cycle();
     let mut last = None;
     let mut colour = |curve: &Curve| match curve.style {
         Style::Line | Style::Known => BLACK,
-        Style::Dashes => RGBColor(130, 130, 130),
+        Style::Dashes => GREY,
         _ if curve.name.is_empty() => *last.get_or_insert(COLOURS[0]),
-        _ => *last.insert(*colours.next().unwrap_or(&BLACK)),
+        Style::Faint => GREY,
+        _ => *last.insert(colours.next().unwrap_or(BLACK)),
     };
     let mut strokes: Vec<_> =
         panel.curves.iter().zip(&curves).map(|(curve, points)| (curve, points, colour(curve))).collect();
-    // Discs lie on lines.
-    strokes.sort_by_key(|(curve, ..)| matches!(curve.style, Style::Points | Style::Known));
+    // Discs lie on lines, and lines on faint ones.
+    strokes.sort_by_key(|(curve, ..)| match curve.style {
+        Style::Faint if curve.name.is_empty() => 0,
+        Style::Points | Style::Known => 2,
+        _ => 1,
+    });
     for (curve, points, colour) in strokes {
         stroke(&mut chart, curve, points, colour)?;
     }
@@ -231,7 +280,11 @@ fn stroke(
     points: &[(f64, f64)],
     colour: RGBColor,
 ) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let (line, disc) = (colour.stroke_width(pixels(2)), pixels(3) as i32);
+    let line = match curve.style {
+        Style::Faint => colour.mix(0.6).stroke_width(pixels(1)),
+        _ => colour.stroke_width(pixels(2)),
+    };
+    let disc = pixels(3) as i32;
     let points = || points.iter().copied();
     let length = pixels(26) as i32;
     let discs = matches!(curve.style, Style::Points | Style::Joined | Style::Known);

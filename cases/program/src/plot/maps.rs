@@ -1,6 +1,6 @@
 //! Time averages: packing fraction, and grain velocity.
 
-use super::snapshot::{Plane, Scale};
+use super::plane::{Plane, Scale};
 use super::table::Table;
 use std::path::{Path, PathBuf};
 use voidage_coupling::{Error, Result};

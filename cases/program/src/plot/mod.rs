@@ -1,46 +1,77 @@
 //! Pictures of a run, drawn from the files in its folder.
 
+mod droplet;
 mod fit;
+mod hole;
 mod lines;
 mod maps;
+mod plane;
 mod snapshot;
 mod table;
 
+use droplet::Droplet;
+use snapshot::{Moment, Picture};
 use std::path::{Path, PathBuf};
 use table::Table;
 use tracing::info;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Scene;
 use voidage_scene::compare::Finding;
-use voidage_scene::recorder::{Summary, read_collection};
+use voidage_scene::recorder::Summary;
 
 /// Which folders have pictures.
 pub const FOLDER: &str = "give the folder of a run (its option --out)";
 
+/// Draws the pictures of one run into its folder, or those that compare several into another, by default the current one.
+pub fn plot(folders: &[PathBuf], out: Option<&Path>) -> Result<Vec<PathBuf>> {
+    match (folders, out) {
+        ([folder], None) => {
+            let drawn = draw(folder)?;
+            if drawn.is_empty() {
+                let what = format!("{}: holds neither series.csv nor frames", folder.display());
+                return Err(Error::input(Notice::new(what, FOLDER)));
+            }
+            Ok(drawn)
+        }
+        ([_], Some(out)) => {
+            let what = format!("--out {}: pictures of one run go into its folder", out.display());
+            Err(Error::input(Notice::new(what, "leave it out, or give several folders to compare")))
+        }
+        _ => droplet::compare::draw(folders, out.unwrap_or(Path::new("."))),
+    }
+}
+
 /// Draws all pictures that the files in a folder allow.
 pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
-    if !folder.join("scene.toml").is_file() {
-        let what = format!("{}: holds no scene.toml", folder.display());
-        return Err(Error::input(Notice::new(what, FOLDER)));
-    }
-    let scene = Scene::read(&folder.join("scene.toml"), &[])?;
+    let scene = read_scene(folder)?;
     let mut drawn = Vec::new();
     let series = folder.join("series.csv");
-    if series.is_file() {
-        let series = Table::read(&series)?;
-        if let Some(picture) = temperature(folder, &scene, &series)? {
-            drawn.push(picture);
-        }
-        if let Some(picture) = pressure(folder, &scene, &series)? {
-            drawn.push(picture);
-        }
+    let series = if series.is_file() { Some(Table::read(&series)?) } else { None };
+    if let Some(series) = &series {
+        drawn.extend(temperature(folder, &scene, series)?);
+        drawn.extend(pressure(folder, &scene, series)?);
     }
-    drawn.extend(snapshots(folder, &scene)?);
+    let moments = snapshot::moments(folder)?;
+    let droplet = Droplet::new(&scene, series.as_ref(), &moments)?;
+    drawn.extend(snapshots(folder, &scene, &moments, droplet.as_ref())?);
+    if let Some(droplet) = &droplet {
+        drawn.extend(droplet.draw(folder, &scene, series.as_ref(), &moments)?);
+    }
     let averages = folder.join("averages.csv");
     if averages.is_file() {
         drawn.extend(maps::draw(folder, &Table::read(&averages)?)?);
     }
     Ok(drawn)
+}
+
+/// The scene of the run that left a folder.
+fn read_scene(folder: &Path) -> Result<Scene> {
+    let scene = folder.join("scene.toml");
+    if !scene.is_file() {
+        let what = format!("{}: holds no scene.toml", folder.display());
+        return Err(Error::input(Notice::new(what, FOLDER)));
+    }
+    Scene::read(&scene, &[])
 }
 
 /// Root mean square differences of runs side by side against time, one picture per fluid solver; `step` is the time
@@ -118,26 +149,23 @@ fn pressure(folder: &Path, scene: &Scene, series: &Table) -> Result<Option<PathB
     Ok(Some(path))
 }
 
-/// Pictures of the frames at the times that the scene asks for, and of the last.
-fn snapshots(folder: &Path, scene: &Scene) -> Result<Vec<PathBuf>> {
-    let list = |name: &str| {
-        let path = folder.join(name);
-        if path.is_file() { read_collection(&path) } else { Ok(Vec::new()) }
+/// Pictures of the moments that the scene asks for, and of the last.
+fn snapshots(
+    folder: &Path,
+    scene: &Scene,
+    moments: &[Moment],
+    droplet: Option<&Droplet>,
+) -> Result<Vec<PathBuf>> {
+    let last = moments.last().map(|moment| moment.time);
+    let wanted = |moment: &&Moment| {
+        let near = |at: &f64| (at - moment.time).abs() <= 0.51 * scene.time.step;
+        scene.output.snapshots.iter().any(near) || last == Some(moment.time)
     };
-    let (grains, fluid) = (list("grains.pvd")?, list("fluid.pvd")?);
-    let mut times: Vec<f64> = grains.iter().chain(&fluid).map(|(time, _)| *time).collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    let wanted = |time: f64| {
-        let asked = scene.output.snapshots.iter().any(|at| (at - time).abs() <= 0.51 * scene.time.step);
-        asked || times.last() == Some(&time)
-    };
+    let (view, track) = droplet.map_or((None, None), |it| (it.view.as_ref(), it.track.as_ref()));
     let mut drawn = Vec::new();
-    for time in times.iter().copied().filter(|time| wanted(*time)) {
-        let at =
-            |list: &[(f64, PathBuf)]| list.iter().find(|(t, _)| *t == time).map(|(_, file)| file.clone());
-        let path = folder.join(format!("snapshot-{time:.3}s.png"));
-        snapshot::draw(&path, scene, time, at(&grains).as_deref(), at(&fluid).as_deref())?;
+    for moment in moments.iter().filter(wanted) {
+        let path = folder.join(format!("snapshot-{:.3}s.png", moment.time));
+        snapshot::draw(&path, scene, &Picture::read(moment, track)?, view)?;
         drawn.push(path);
     }
     Ok(drawn)

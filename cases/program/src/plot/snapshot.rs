@@ -1,137 +1,261 @@
-//! Pictures of the plane: grains over the voidage, or a field of the fluid, with colour bars.
+//! Pictures of recorded moments: grains over the voidage, the vapour of a droplet, or the speed of the fluid.
 
+use super::hole::{self, Track};
+use super::plane::{Plane, Scale};
 use colorous::Gradient;
-use plotters::prelude::*;
+use plotters::style::RGBColor;
+use rayon::prelude::*;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-use voidage_campaign::plot::canvas::{Canvas, Frame, label, pixels, text};
 use voidage_coupling::Result;
 use voidage_scene::Scene;
 use voidage_scene::build::wall as wall_at;
-use voidage_scene::recorder::read_frame;
+use voidage_scene::recorder::{Frame, read_collection, read_frame};
 
-/// What colours mean.
-pub struct Scale {
-    /// Quantity with its unit.
-    pub name: &'static str,
-    /// Colours.
-    pub gradient: Gradient,
-    /// Value of the first colour.
-    pub low: f64,
-    /// Value of the last colour.
-    pub high: f64,
-    /// Part of the gradient that is used: its ends may be too dark or too light, and it may run backwards.
-    pub part: [f64; 2],
+/// Share of the lowest and of the highest values that do not stretch the colours of a picture.
+const EXTREME: f64 = 0.01;
+
+/// Colours of a droplet and of its outline.
+const LIQUID: [u8; 3] = [195, 226, 255];
+const RIM: RGBColor = RGBColor(0, 90, 180);
+
+/// A recorded moment: the files of its grains and its fluid.
+pub struct Moment {
+    /// s.
+    pub time: f64,
+    /// Frame of the grains.
+    pub grains: Option<PathBuf>,
+    fluid: Option<PathBuf>,
 }
 
-impl Scale {
-    /// The colour of a value.
-    pub fn colour(&self, value: f64) -> [u8; 3] {
-        let place = if self.high > self.low { (value - self.low) / (self.high - self.low) } else { 0.5 };
-        let place = if place.is_nan() { 0.5 } else { place.clamp(0.0, 1.0) };
-        self.gradient.eval_continuous(self.part[0] + place * (self.part[1] - self.part[0])).as_array()
-    }
-}
-
-/// A picture of a part of the plane.
-pub struct Plane {
-    canvas: Canvas,
-    path: PathBuf,
-    frame: Frame,
-    /// Metres are shown in this unit: 1, or 1000 for millimetres.
-    unit: f64,
-}
-
-/// From grey (packed) to white (fluid only).
-const VOIDAGE: Scale =
-    Scale { name: "voidage", gradient: colorous::GREYS, low: 0.3, high: 1.0, part: [0.65, 0.0] };
-
-/// Draws a frame of a run.
-pub fn draw(
-    path: &Path,
-    scene: &Scene,
-    time: f64,
-    grains: Option<&Path>,
-    fluid: Option<&Path>,
-) -> Result<()> {
-    let grains = grains.map(read_frame).transpose()?;
-    let fluid = fluid.map(read_frame).transpose()?;
-    let mut points: Vec<[f64; 3]> = Vec::new();
-    points.extend(fluid.iter().flat_map(|fluid| &fluid.points));
-    if fluid.is_none() {
-        points.extend(grains.iter().flat_map(|grains| &grains.points));
-        let still = scene.walls.iter().filter(|wall| wall.motion.is_none());
-        points.extend(
-            still.flat_map(|wall| [&wall.from, &wall.to]).map(|end| <[f64; 3]>::from(end.vector::<3>())),
-        );
-    }
-    let least = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::INFINITY, f64::min);
-    let most = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::NEG_INFINITY, f64::max);
-    let bounds = [least(0), least(1), most(0), most(1)];
-    let margin =
-        if fluid.is_some() { 0.0 } else { 0.03 * (bounds[2] - bounds[0]).max(bounds[3] - bounds[1]) };
-    let mut bounds = [bounds[0] - margin, bounds[1] - margin, bounds[2] + margin, bounds[3] + margin];
-    if let (Some(grains), Some(_)) = (&grains, &fluid) {
-        leave_out_empty(&mut bounds, &grains.points);
-    }
-    if !bounds.iter().all(|bound| bound.is_finite()) {
-        return Ok(());
-    }
-    let coloured = grains.as_ref().map(|grains| grain_colours(grains));
-    let voidage = fluid.as_ref().and_then(|fluid| fluid.column("voidage"));
-    let field = match (&fluid, voidage) {
-        (Some(fluid), None) => Some(speeds(fluid)),
-        _ => None,
+/// The moments that a folder has, in order.
+pub fn moments(folder: &Path) -> Result<Vec<Moment>> {
+    let list = |name: &str| {
+        let path = folder.join(name);
+        if path.is_file() { read_collection(&path) } else { Ok(Vec::new()) }
     };
-    let mut scales = Vec::new();
-    if let Some((name, values)) = &coloured {
-        let warm = name.contains("temperature");
-        let (gradient, part) =
-            if warm { (colorous::INFERNO, [0.08, 0.95]) } else { (colorous::VIRIDIS, [0.0, 1.0]) };
-        scales.push(scale(name, gradient, part, values));
+    let (grains, fluid) = (list("grains.pvd")?, list("fluid.pvd")?);
+    let mut times: Vec<f64> = grains.iter().chain(&fluid).map(|(time, _)| *time).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let at = |list: &[(f64, PathBuf)], time: f64| {
+        list.iter().find(|(other, _)| *other == time).map(|(_, file)| file.clone())
+    };
+    let moment = |time: f64| Moment { time, grains: at(&grains, time), fluid: at(&fluid, time) };
+    Ok(times.into_iter().map(moment).collect())
+}
+
+/// What is drawn of a moment.
+pub struct Picture {
+    time: f64,
+    grains: Option<Frame>,
+    fluid: Option<Frame>,
+    /// The polygon of the droplet, m.
+    droplet: Option<Vec<[f64; 2]>>,
+}
+
+impl Picture {
+    /// Reads the files of a moment; the droplet is where the track says.
+    pub fn read(moment: &Moment, track: Option<&Track>) -> Result<Picture> {
+        let grains = moment.grains.as_deref().map(read_frame).transpose()?;
+        let fluid = moment.fluid.as_deref().map(read_frame).transpose()?;
+        let droplet = fluid.as_ref().zip(track);
+        let droplet = droplet.and_then(|(fluid, track)| hole::around(fluid, track.centre(moment.time)));
+        Ok(Picture { time: moment.time, grains, fluid, droplet })
     }
-    if voidage.is_some() {
-        scales.push(VOIDAGE);
+
+    /// What stands above the picture.
+    pub fn title(&self) -> String {
+        format!("t = {:.3} s", self.time)
     }
-    if let Some(values) = &field {
-        scales.push(scale("fluid speed (m/s)", colorous::VIRIDIS, [0.0, 1.0], values));
+
+    /// What grains are coloured by: temperature, or speed without one.
+    fn grain_values(&self) -> Option<(Quantity, Cow<'_, [f64]>)> {
+        let grains = self.grains.as_ref()?;
+        Some(match grains.column("temperature_K") {
+            Some(temperature) => (Quantity::Temperature, Cow::from(temperature)),
+            None => (Quantity::GrainSpeed, Cow::from(speeds(grains))),
+        })
     }
-    let mut plane = Plane::new(path, bounds, &format!("t = {time:.3} s"), &scales)?;
-    if let Some(fluid) = &fluid {
-        let (values, scale) = match (voidage, &field) {
-            (Some(voidage), _) => (voidage, scales.iter().find(|scale| scale.name == "voidage")),
-            (None, Some(values)) => (values.as_slice(), scales.last()),
-            (None, None) => (&[][..], None),
+
+    /// What the fluid is coloured by: the vapour of a droplet where there is one, or the voidage, or its speed.
+    fn field_values(&self, scene: &Scene) -> Option<(Quantity, Cow<'_, [f64]>)> {
+        let fluid = self.fluid.as_ref()?;
+        let vapour = fluid.column("vapour").filter(|_| scene.droplet.is_some());
+        Some(match (vapour, fluid.column("voidage")) {
+            (Some(vapour), _) => (Quantity::Vapour, Cow::from(vapour)),
+            (None, Some(voidage)) => (Quantity::Voidage, Cow::from(voidage)),
+            (None, None) => (Quantity::FluidSpeed, Cow::from(speeds(fluid))),
+        })
+    }
+
+    /// The part of the plane that is worth showing: left, bottom, right, top, m.
+    fn bounds(&self, scene: &Scene) -> [f64; 4] {
+        let mut points: Vec<[f64; 3]> = Vec::new();
+        points.extend(self.fluid.iter().flat_map(|fluid| &fluid.points));
+        let mut margin = 0.0;
+        if self.fluid.is_none() {
+            points.extend(self.grains.iter().flat_map(|grains| &grains.points));
+            let still = scene.walls.iter().filter(|wall| wall.motion.is_none());
+            let ends = still.flat_map(|wall| [&wall.from, &wall.to]);
+            points.extend(ends.map(|end| <[f64; 3]>::from(end.vector::<3>())));
+            margin = 0.03;
+        }
+        let least = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::INFINITY, f64::min);
+        let most = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::NEG_INFINITY, f64::max);
+        let [left, bottom, right, top] = [least(0), least(1), most(0), most(1)];
+        let margin = margin * (right - left).max(top - bottom);
+        let mut bounds = [left - margin, bottom - margin, right + margin, top + margin];
+        if let (Some(grains), Some(_)) = (&self.grains, &self.fluid) {
+            let grains = grains.points.iter().map(|[x, y, _]| [*x, *y]);
+            leave_out_empty(&mut bounds, grains.chain(self.droplet.iter().flatten().copied()));
+        }
+        bounds
+    }
+}
+
+/// What colours show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Quantity {
+    Temperature,
+    GrainSpeed,
+    Vapour,
+    Voidage,
+    FluidSpeed,
+}
+
+impl Quantity {
+    /// The colours of values within bounds.
+    fn scale(self, [low, high]: [f64; 2]) -> Scale {
+        let least = 1e-3 * high.abs().max(1e-9);
+        let (low, high) = if high - low < least { (low - least, high + least) } else { (low, high) };
+        let scale = |name: &'static str, gradient: Gradient, [low, high]: [f64; 2], part: [f64; 2]| Scale {
+            name,
+            gradient,
+            low,
+            high,
+            part,
         };
-        if let Some(scale) = scale {
-            plane.field(&fluid.points, &fluid.cells, values, scale);
+        match self {
+            Self::Temperature => scale("grain temperature (K)", colorous::INFERNO, [low, high], [0.08, 0.95]),
+            Self::GrainSpeed => scale("grain speed (m/s)", colorous::VIRIDIS, [0.0, high], [0.0, 1.0]),
+            Self::FluidSpeed => scale("fluid speed (m/s)", colorous::VIRIDIS, [0.0, high], [0.0, 1.0]),
+            // From white (none) to dark grey (nothing else).
+            Self::Vapour => scale("vapour", colorous::GREYS, [0.0, 1.0], [0.0, 0.68]),
+            // From grey (packed) to white (fluid only).
+            Self::Voidage => scale("voidage", colorous::GREYS, [0.3, 1.0], [0.65, 0.0]),
         }
     }
-    if let (Some(grains), Some((_, values)), Some(scale)) = (&grains, &coloured, scales.first()) {
+}
+
+/// What of the plane is shown, and within which bounds values are coloured.
+#[derive(Clone, Debug)]
+pub struct View {
+    bounds: [f64; 4],
+    grains: Option<(Quantity, [f64; 2])>,
+    field: Option<(Quantity, [f64; 2])>,
+}
+
+impl View {
+    /// That of one picture, whose colours are not stretched by this share of its values at either end.
+    fn of(picture: &Picture, scene: &Scene, extreme: f64) -> View {
+        let within = |(quantity, values): (Quantity, Cow<[f64]>)| (quantity, inner(&values, extreme));
+        View {
+            bounds: picture.bounds(scene),
+            grains: picture.grain_values().map(within),
+            field: picture.field_values(scene).map(within),
+        }
+    }
+
+    /// One that serves all moments of a run; none without moments.
+    pub fn over(moments: &[Moment], scene: &Scene, track: Option<&Track>) -> Result<Option<View>> {
+        let views = moments.par_iter().map(|moment| {
+            let picture = Picture::read(moment, track)?;
+            Ok(Some(View::of(&picture, scene, 0.0)))
+        });
+        let join = |a: Option<View>, b: Option<View>| match (a, b) {
+            (Some(a), Some(b)) => Some(a.join(&b)),
+            (one, other) => one.or(other),
+        };
+        views.try_reduce(|| None, |a, b| Ok(join(a, b)))
+    }
+
+    fn join(&self, other: &View) -> View {
+        let [left, bottom, right, top] = self.bounds;
+        let bounds = [
+            left.min(other.bounds[0]),
+            bottom.min(other.bounds[1]),
+            right.max(other.bounds[2]),
+            top.max(other.bounds[3]),
+        ];
+        let join = |a: Option<(Quantity, [f64; 2])>, b: Option<(Quantity, [f64; 2])>| match (a, b) {
+            (Some((quantity, [a, b])), Some((_, [c, d]))) => Some((quantity, [a.min(c), b.max(d)])),
+            (one, other) => one.or(other),
+        };
+        View { bounds, grains: join(self.grains, other.grains), field: join(self.field, other.field) }
+    }
+
+    /// Colour bars: of the grains, and of the fluid.
+    fn scales(&self) -> [Option<Scale>; 2] {
+        [self.grains, self.field].map(|shown| shown.map(|(quantity, within)| quantity.scale(within)))
+    }
+
+    /// An empty picture with a pane for each title; none where there is nothing to show.
+    pub fn plane(&self, path: &Path, titles: &[String]) -> Result<Option<Plane>> {
+        let scales: Vec<Scale> = self.scales().into_iter().flatten().collect();
+        let shown = self.bounds.iter().all(|bound| bound.is_finite());
+        shown.then(|| Plane::panes(path, self.bounds, titles, &scales)).transpose()
+    }
+}
+
+/// Draws a moment of a run into a file, in a view or in its own.
+pub fn draw(path: &Path, scene: &Scene, picture: &Picture, view: Option<&View>) -> Result<()> {
+    let own = if view.is_none() { Some(View::of(picture, scene, EXTREME)) } else { None };
+    let Some(view) = view.or(own.as_ref()) else { return Ok(()) };
+    if let Some(mut plane) = view.plane(path, &[picture.title()])? {
+        paint(&mut plane, scene, picture, view)?;
+        plane.save()?;
+    }
+    Ok(())
+}
+
+/// Draws a moment into the pane of a plane.
+pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -> Result<()> {
+    let [grain_scale, field_scale] = view.scales();
+    if let (Some(fluid), Some((_, values)), Some(scale)) =
+        (&picture.fluid, picture.field_values(scene), field_scale)
+    {
+        plane.field(&fluid.points, &fluid.cells, &values, &scale);
+    }
+    // Grains in the droplet are seen through it.
+    if let Some(droplet) = &picture.droplet {
+        plane.polygon(droplet, LIQUID);
+    }
+    if let (Some(grains), Some((_, values)), Some(scale)) =
+        (&picture.grains, picture.grain_values(), grain_scale)
+    {
         let radius = grains.column("radius_m").unwrap_or(&[]);
-        for ((point, radius), value) in grains.points.iter().zip(radius).zip(values) {
-            let colour = scale.colour(*value);
-            plane.canvas.disc(
-                plane.frame,
-                [point[0] * plane.unit, point[1] * plane.unit],
-                radius * plane.unit,
-                colour,
-            );
-        }
+        let discs = grains.points.iter().zip(radius).zip(&*values);
+        plane.discs(discs.map(|(([x, y, _], radius), value)| ([*x, *y], *radius, scale.colour(*value))));
     }
-    if fluid.is_none() {
-        let walls = scene.walls.iter().map(|wall| wall_at(scene, wall).at(time).map(<[f64; 2]>::from));
+    if let Some(droplet) = &picture.droplet {
+        plane.outline(droplet, RIM)?;
+    }
+    if picture.fluid.is_none() {
+        let walls =
+            scene.walls.iter().map(|wall| wall_at(scene, wall).at(picture.time).map(<[f64; 2]>::from));
         plane.lines(walls.collect())?;
     }
-    plane.save()
+    Ok(())
 }
 
-/// Cuts off the quarters of each axis beyond which no grain is, so that pictures of a run share few sizes.
-fn leave_out_empty(bounds: &mut [f64; 4], grains: &[[f64; 3]]) {
+/// Cuts off the quarters of each axis beyond which nothing is, so that pictures of a run share few sizes.
+fn leave_out_empty(bounds: &mut [f64; 4], points: impl Iterator<Item = [f64; 2]> + Clone) {
     for axis in 0..2 {
         let (lower, upper) = (bounds[axis], bounds[axis + 2]);
-        let quarter = |point: &[f64; 3]| (4.0 * (point[axis] - lower) / (upper - lower)).clamp(0.0, 4.0);
-        let first = grains.iter().map(quarter).fold(4.0, f64::min).floor();
-        let last = grains.iter().map(quarter).fold(0.0, f64::max).ceil();
+        let quarter = |point: [f64; 2]| (4.0 * (point[axis] - lower) / (upper - lower)).clamp(0.0, 4.0);
+        let first = points.clone().map(quarter).fold(4.0, f64::min).floor();
+        let last = points.clone().map(quarter).fold(0.0, f64::max).ceil();
         if first < last {
             let at = |quarter: f64| lower + 0.25 * quarter * (upper - lower);
             (bounds[axis], bounds[axis + 2]) = (at(first), at(last));
@@ -139,194 +263,16 @@ fn leave_out_empty(bounds: &mut [f64; 4], grains: &[[f64; 3]]) {
     }
 }
 
-/// What grains are coloured by: temperature, or speed without one.
-fn grain_colours(grains: &voidage_scene::recorder::Frame) -> (&'static str, Vec<f64>) {
-    match grains.column("temperature_K") {
-        Some(temperature) => ("grain temperature (K)", temperature.to_vec()),
-        None => ("grain speed (m/s)", speeds(grains)),
-    }
-}
-
-fn speeds(frame: &voidage_scene::recorder::Frame) -> Vec<f64> {
+fn speeds(frame: &Frame) -> Vec<f64> {
     let velocity = frame.column("velocity_m_per_s").unwrap_or(&[]);
     velocity.as_chunks::<3>().0.iter().map(|[u, v, w]| (u * u + v * v + w * w).sqrt()).collect()
 }
 
-/// Bounds that a few extreme values do not stretch.
-fn scale(name: &'static str, gradient: Gradient, part: [f64; 2], values: &[f64]) -> Scale {
+/// The least and the greatest value but for a share of them at either end; from 0 to 1 without values.
+fn inner(values: &[f64], extreme: f64) -> [f64; 2] {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let at =
         |share: f64| sorted.get((share * sorted.len().saturating_sub(1) as f64).round() as usize).copied();
-    let (low, high) = (at(0.01).unwrap_or(0.0), at(0.99).unwrap_or(1.0));
-    let least = 1e-3 * high.abs().max(1e-9);
-    let (low, high) = if high - low < least { (low - least, high + least) } else { (low, high) };
-    Scale { name, gradient, low: if name.contains("speed") { 0.0 } else { low }, high, part }
-}
-
-impl Plane {
-    /// An empty picture of a part of the plane, m, with axes, a title and colour bars.
-    pub fn new(path: &Path, bounds: [f64; 4], title: &str, scales: &[Scale]) -> Result<Plane> {
-        let [width, height] = [bounds[2] - bounds[0], bounds[3] - bounds[1]];
-        let (unit, name) = if width.max(height) < 0.9 { (1e3, "mm") } else { (1.0, "m") };
-        let bounds = bounds.map(|bound| bound * unit);
-        // The longer side gets 1000 pixels, the other what keeps circles round.
-        let factor = (1000.0 / height).min(900.0 / width);
-        let inner = [(width * factor).round().max(160.0) as u32, (height * factor).round().max(160.0) as u32];
-        let (left, right, top, bottom, bar) = (112, 24, if title.is_empty() { 24 } else { 56 }, 76, 136);
-        let outer = [left + inner[0] + right + bar * scales.len() as u32, top + inner[1] + bottom];
-        let mut canvas = Canvas::new(outer[0], outer[1]);
-        let (frame, bars) = canvas.draw(path, |area| {
-            let (main, side) = area.split_horizontally(pixels(left + inner[0] + right));
-            let mut chart = ChartBuilder::on(&main)
-                .margin_top(pixels(top))
-                .margin_right(pixels(right))
-                .x_label_area_size(pixels(bottom))
-                .margin_left(pixels(12))
-                .y_label_area_size(pixels(left - 12))
-                .build_cartesian_2d(bounds[0]..bounds[2], bounds[1]..bounds[3])?;
-            chart
-                .configure_mesh()
-                .disable_mesh()
-                .x_desc(format!("x ({name})"))
-                .y_desc(format!("y ({name})"))
-                .x_labels((inner[0] / 90).clamp(3, 9) as usize)
-                .y_labels((inner[1] / 90).clamp(3, 11) as usize)
-                .x_label_formatter(&label(bounds[0], bounds[2]))
-                .y_label_formatter(&label(bounds[1], bounds[3]))
-                .axis_desc_style(text(24))
-                .label_style(text(20))
-                .axis_style(BLACK.stroke_width(pixels(1)))
-                .set_all_tick_mark_size(pixels(5))
-                .draw()?;
-            if !title.is_empty() {
-                let place = (pixels(left) as i32, pixels(16) as i32);
-                main.draw(&Text::new(title.to_owned(), place, text(24)))?;
-            }
-            let frame = Frame::of(&chart, bounds);
-            let mut bars = Vec::new();
-            for (scale, area) in scales.iter().zip(side.split_evenly((1, scales.len().max(1)))) {
-                bars.push(colour_bar(&area, scale, (top, bottom))?);
-            }
-            Ok((frame, bars))
-        })?;
-        for (frame, scale) in bars.iter().zip(scales) {
-            let steps = 256;
-            for k in 0..steps {
-                let at = |k: usize| scale.low + (scale.high - scale.low) * k as f64 / steps as f64;
-                canvas.rectangle(*frame, [0.0, at(k)], [1.0, at(k + 1)], scale.colour(at(k)));
-            }
-        }
-        Ok(Plane { canvas, path: path.to_path_buf(), frame, unit })
-    }
-
-    /// Shades triangles by nodal values.
-    pub fn field(&mut self, points: &[[f64; 3]], cells: &[u32], values: &[f64], scale: &Scale) {
-        for cell in cells.as_chunks::<3>().0 {
-            let corners = cell.map(|node| {
-                let point = points[node as usize];
-                [point[0] * self.unit, point[1] * self.unit]
-            });
-            let values = cell.map(|node| values[node as usize]);
-            self.canvas.triangle(self.frame, corners, values, |value| scale.colour(value));
-        }
-    }
-
-    /// Fills a rectangle, m.
-    pub fn rectangle(&mut self, lower: [f64; 2], upper: [f64; 2], colour: [u8; 3]) {
-        let [lower, upper] = [lower, upper].map(|corner| corner.map(|x| x * self.unit));
-        self.canvas.rectangle(self.frame, lower, upper, colour);
-    }
-
-    /// Draws arrows from point to point, m.
-    pub fn arrows(&mut self, arrows: Vec<([f64; 2], [f64; 2])>) -> Result<()> {
-        let mut lines = Vec::new();
-        for (from, to) in arrows {
-            let along = [to[0] - from[0], to[1] - from[1]];
-            let head = |side: f64| {
-                [
-                    to[0] - 0.35 * along[0] - side * 0.2 * along[1],
-                    to[1] - 0.35 * along[1] + side * 0.2 * along[0],
-                ]
-            };
-            lines.extend([[from, to], [head(1.0), to], [head(-1.0), to]]);
-        }
-        self.strokes(lines, RGBColor(255, 255, 255), 2)
-    }
-
-    /// Draws straight lines, m: walls.
-    pub fn lines(&mut self, lines: Vec<[[f64; 2]; 2]>) -> Result<()> {
-        self.strokes(lines, BLACK, 3)
-    }
-
-    fn strokes(&mut self, lines: Vec<[[f64; 2]; 2]>, colour: RGBColor, width: u32) -> Result<()> {
-        let (frame, unit) = (self.frame, self.unit);
-        let bounds = frame.plane.map(|bound| bound / unit);
-        let lines: Vec<_> = lines.into_iter().filter_map(|line| clip(line, bounds)).collect();
-        let place = |point: [f64; 2]| {
-            let [x, y] = frame.place(point[0] * unit, point[1] * unit);
-            (x.round() as i32, y.round() as i32)
-        };
-        self.canvas.draw(&self.path, |area| {
-            for line in lines {
-                area.draw(&PathElement::new(line.map(place), colour.stroke_width(pixels(width))))?;
-            }
-            Ok(())
-        })
-    }
-
-    /// Writes the picture.
-    pub fn save(self) -> Result<()> {
-        self.canvas.save(&self.path)
-    }
-}
-
-/// The part of a line inside of bounds (left, bottom, right, top), if there is one (Liang and Barsky).
-fn clip(line: [[f64; 2]; 2], bounds: [f64; 4]) -> Option<[[f64; 2]; 2]> {
-    let [from, to] = line;
-    let along = [to[0] - from[0], to[1] - from[1]];
-    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
-    for axis in 0..2 {
-        for (bound, side) in [(bounds[axis], -1.0), (bounds[axis + 2], 1.0)] {
-            let (speed, room) = (side * along[axis], side * (bound - from[axis]));
-            if speed == 0.0 && room < 0.0 {
-                return None;
-            } else if speed < 0.0 {
-                enter = enter.max(room / speed);
-            } else if speed > 0.0 {
-                leave = leave.min(room / speed);
-            }
-        }
-    }
-    let at = |share: f64| [from[0] + share * along[0], from[1] + share * along[1]];
-    (enter < leave).then(|| [at(enter), at(leave)])
-}
-
-/// The axis of a colour bar; it is filled later.
-fn colour_bar(
-    area: &voidage_campaign::plot::canvas::Area,
-    scale: &Scale,
-    (top, bottom): (u32, u32),
-) -> std::result::Result<Frame, Box<dyn std::error::Error>> {
-    let (low, high) = (scale.low, scale.high);
-    let mut chart = ChartBuilder::on(area)
-        .margin_top(pixels(top))
-        .margin_bottom(pixels(bottom))
-        .margin_left(pixels(8))
-        .margin_right(pixels(14))
-        .set_label_area_size(LabelAreaPosition::Right, pixels(88))
-        .build_cartesian_2d(0.0..1.0, low..high)?;
-    chart
-        .configure_mesh()
-        .disable_mesh()
-        .disable_x_axis()
-        .y_desc(scale.name)
-        .y_labels(7)
-        .y_label_formatter(&label(low, high))
-        .axis_desc_style(text(22))
-        .label_style(text(18))
-        .axis_style(BLACK.stroke_width(pixels(1)))
-        .set_all_tick_mark_size(pixels(4))
-        .draw()?;
-    Ok(Frame::of(&chart, [0.0, low, 1.0, high]))
+    [at(extreme).unwrap_or(0.0), at(1.0 - extreme).unwrap_or(1.0)]
 }
