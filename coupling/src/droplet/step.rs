@@ -1,0 +1,292 @@
+//! The step of a droplet: what the fluid solver gets, what it answers, and how droplet and mesh move then.
+
+use super::surface::Surface;
+use super::wet::{Immersion, Settled, Stream};
+use super::{Answer, Droplet, DropletState};
+use crate::{Error, Notice, Result};
+use voidage_fluid::balance::Balance;
+use voidage_fluid::body::{Body, BodyAnswer, BodyMotion, Evaporation};
+use voidage_fluid::{Mesh, Vector};
+
+/// Share of what is carried that is given back in a step.
+const RETURNED: f64 = 0.5;
+
+/// Share of the first liquid below which a droplet vanishes.
+const VANISHES: f64 = 1e-3;
+
+/// Diameters of the widest grain in its water below which the radius makes a droplet vanish: it is no longer a body of liquid with grains in it.
+const SMALLEST: f64 = 2.0;
+
+/// Least gap between droplet and boundary, in first radii: the mesh between them needs room.
+const LEAST_GAP: f64 = 0.02;
+
+/// Share of the gap that it may close in a step, so that the cells in it can follow.
+const CLOSES: f64 = 0.75;
+
+/// Stiffness of what stops a droplet, in its inertia.
+const STOP: f64 = 1e12;
+
+/// Share of its measure that a cell must keep when the droplet moves.
+const LEAST_MEASURE: f64 = 0.1;
+
+impl<const D: usize> Droplet<D> {
+    /// What moves the grains in it, by the last solution of the gas.
+    pub(crate) fn stream(&self) -> Stream<D> {
+        let Answer { velocity, force, .. } = self.answer;
+        Stream { velocity, pressure: force / self.volume(), temperature: self.material.temperature }
+    }
+
+    /// Forgets the step in hand.
+    pub(crate) fn begin(&mut self) {
+        let DropletState { velocity, force, heat, vapour, .. } = self.state;
+        self.answer = Answer { velocity, force, heat, vapour, through: 0.0 };
+        self.before = velocity;
+        self.stops.clear();
+    }
+
+    /// Takes what the grains in it do in the step in hand, as they meet the velocity that it now has.
+    pub(crate) fn immerse(&mut self, immersion: Immersion<D>) {
+        self.before = self.answer.velocity;
+        self.immersion = immersion;
+    }
+
+    /// Velocity of the nodes in the step in hand, m/s.
+    pub(crate) fn mesh_velocity(&self) -> &[Vector<D>] {
+        &self.moving
+    }
+
+    /// The droplet as the fluid solver gets it for a step of `dt`, with the temperature among the scalars if `hot`.
+    pub(crate) fn body(&mut self, mesh: &Mesh<D>, voidage: &[f64], dt: f64, hot: bool) -> Result<Body<D>> {
+        let Self { material, state, answer, immersion, .. } = self;
+        let (mut opening, mut swept) = (0.0, immersion.solid.iter().sum::<f64>());
+        for (facet, nodes) in (0..).zip(mesh.boundary(&self.boundary)?.facets.chunks_exact(D)) {
+            let [a, b] = [0, 1].map(|k| voidage[nodes[k] as usize]);
+            let length = (mesh.points[nodes[1] as usize] - mesh.points[nodes[0] as usize]).norm();
+            let normal = self.surface.normal(facet);
+            // s . n is the same all along a facet.
+            let along = self.surface.shape(facet, 0.5).dot(&normal);
+            let mean = length * (a + b) / 2.0;
+            opening -= mean * along;
+            swept += mean * answer.velocity.dot(&normal);
+        }
+        let returned = RETURNED * self.part;
+        let shrinks = answer.vapour * material.vapour_density / material.water.density;
+        let expansion = (swept - shrinks + returned * state.volume / dt) / opening;
+        self.moving.clear();
+        self.moving.extend(
+            mesh.points
+                .iter()
+                .zip(&self.weight)
+                .map(|(x, weight)| (answer.velocity + (x - state.centre).normalize() * expansion) * *weight),
+        );
+        for (node, s) in self.surface.nodes() {
+            self.moving[*node as usize] = answer.velocity + s * expansion;
+        }
+        let mass = material.water.density * state.liquid;
+        let share = 1.0 - immersion.volume / (std::f64::consts::PI * state.radius.powi(2));
+        let motion = if material.held {
+            BodyMotion::Held(state.velocity)
+        } else {
+            let inertia = (mass / dt + immersion.inertia) / share;
+            let force = (state.velocity * mass + state.impulse * returned) / dt + material.gravity * mass;
+            let mut motion = BodyMotion::free(inertia, (force + immersion.force) / share);
+            if let BodyMotion::Free { inertia: matrix, force } = &mut motion {
+                for (normal, fastest) in &self.stops {
+                    *matrix += normal * normal.transpose() * (STOP * inertia);
+                    *force += normal * (STOP * inertia * fastest);
+                }
+            }
+            motion
+        };
+        let evaporation = Evaporation {
+            scalar: hot.then_some(crate::HEAT),
+            heat: immersion.heat + returned * state.warmth / dt,
+            latent: material.latent_heat * material.vapour_density,
+        };
+        Ok(Body {
+            centre: state.centre,
+            radius: state.radius,
+            expansion,
+            motion,
+            evaporation: Some(evaporation),
+            solid: immersion.solid.clone(),
+        })
+    }
+
+    /// Whether the droplet would come too near to another part of the boundary within `dt` (s) by the last solution, and is stopped in a
+    /// direction in which it was not: then the fluid is to be solved again. Nothing but the gas between them keeps a droplet from a wall, and where that
+    /// film is thinner than the mesh can show, this does.
+    pub(crate) fn stop(&mut self, mesh: &Mesh<D>, dt: f64) -> bool {
+        let state = &self.state;
+        let radius = self.surface.reach() * state.radius;
+        let reach = radius + LEAST_GAP * (self.first / std::f64::consts::PI).sqrt();
+        let others = mesh.boundaries.iter().filter(|part| part.name != self.boundary);
+        let mut worst = (0.0, Vector::zeros(), 0.0);
+        for facet in others.flat_map(|part| part.facets.chunks_exact(D)) {
+            let [a, b] = [0, 1].map(|k| mesh.points[facet[k] as usize] - state.centre);
+            let along = b - a;
+            let share = (-a.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+            let to = a + along * share;
+            let (distance, normal) = (to.norm(), to.normalize());
+            let fastest = (distance - reach).min(CLOSES * (distance - radius)) / dt;
+            let beyond = self.answer.velocity.dot(&normal) - fastest;
+            let held = |(other, _): &(Vector<D>, f64)| other.dot(&normal) > 0.99;
+            if beyond > worst.0 && !self.stops.iter().any(held) {
+                worst = (beyond, normal, fastest);
+            }
+        }
+        let (beyond, normal, fastest) = worst;
+        let stops = beyond > 0.0 && !self.material.held && self.stops.len() < D;
+        if stops {
+            self.stops.push((normal, fastest.max(0.0)));
+        }
+        stops
+    }
+
+    /// Whether so little is left that it vanishes: a thousandth of the liquid, what boils within two steps, or a radius of two grains.
+    pub(crate) fn vanishes(&self) -> bool {
+        let little = self.state.liquid < (VANISHES * self.first).max(2.0 * self.boils);
+        !self.state.gone && (little || self.state.radius < SMALLEST * self.immersion.widest)
+    }
+
+    /// Ends it. What is left of the liquid stays in its books.
+    pub(crate) fn vanish(&mut self) {
+        let state = &mut self.state;
+        (state.velocity, state.force) = (Vector::zeros(), Vector::zeros());
+        (state.heat, state.vapour, state.gone) = (0.0, 0.0, true);
+        (self.settled, self.absorption) = (Settled::default(), 0.0);
+    }
+
+    /// Rate a of the loop of what is absorbed and boils in the next step, 1/s: a = |F| (dQ/dU) / (Q m), with `absorption` dQ/dU, W per m/s,
+    /// the heat Q that boils and the force F of its vapour. In a step longer than some 3/a the droplet bounces for want of a shorter one.
+    pub(crate) fn absorption_rate(&self, absorption: f64) -> f64 {
+        let boils = self.answer.vapour * self.material.vapour_density * self.material.latent_heat;
+        match absorption > 0.0 && boils > 0.0 && !self.material.held {
+            true => self.answer.force.norm() * absorption / (boils * self.mass()),
+            false => 0.0,
+        }
+    }
+
+    /// How far it moves in a step of `dt` (s) by the last solution, m.
+    pub(crate) fn travel(&self, dt: f64) -> f64 {
+        self.answer.velocity.norm() * dt
+    }
+
+    /// Takes a solution of the fluid.
+    pub(crate) fn receive(
+        &mut self,
+        body: Option<&BodyAnswer<D>>,
+        balance: Option<&Balance<D>>,
+    ) -> Result<()> {
+        let (Some(body), Some(balance)) = (body, balance) else {
+            return Err(Error::run(Notice::new(
+                "the fluid solver does not say what the droplet does",
+                "a droplet needs a solver that knows bodies and the balances of the boundary",
+            )));
+        };
+        let heat = balance.scalars.get(crate::HEAT).map_or(0.0, |given| -given);
+        let BodyAnswer { velocity, vapour } = *body;
+        self.answer = Answer { velocity, force: balance.force, heat, vapour, through: balance.flux };
+        Ok(())
+    }
+
+    /// Takes what the grains in it did in a step of `dt`.
+    pub(crate) fn settle(&mut self, dt: f64, settle: impl FnOnce(&Stream<D>, &Vector<D>) -> Settled<D>) {
+        self.settled = settle(&self.stream(), &self.before);
+        let kept = 1.0 - RETURNED * self.part;
+        self.state.impulse = self.state.impulse * kept + self.settled.missed * dt;
+        self.state.warmth = self.state.warmth * kept + self.settled.missed_heat * dt;
+    }
+
+    /// Takes what the gas still had to give to a grain that the water has swallowed: impulse (N s) and heat (J) that the gas did not lose.
+    pub(crate) fn inherit(&mut self, impulse: &Vector<D>, heat: f64) {
+        self.state.impulse -= impulse;
+        self.state.warmth -= heat;
+    }
+
+    /// Moves by the step in hand, which was over `dt`: liquid, centre, radius and the nodes of the mesh. `solid(centre, radius)` is the volume of the grains
+    /// in such a droplet, m2, and its growth with the radius, m.
+    ///
+    /// # Errors
+    /// A cell of the mesh would turn over.
+    pub(crate) fn accept(
+        &mut self,
+        dt: f64,
+        mesh: &mut Mesh<D>,
+        solid: impl Fn(&Surface<D>, &Vector<D>, f64) -> (f64, f64),
+    ) -> Result<()> {
+        let (answer, density) = (self.answer, self.material.water.density);
+        let rate = answer.vapour * self.material.vapour_density;
+        let state = &mut self.state;
+        state.volume = state.volume + dt * (answer.through + answer.vapour - rate / density);
+        // The last step of its life may ask for more than there is.
+        let boils = (dt * rate / density).min(state.liquid);
+        state.boiled += boils;
+        state.liquid -= boils;
+        self.boils = boils;
+        (state.velocity, state.force, state.heat, state.vapour) =
+            (answer.velocity, answer.force, answer.heat, answer.vapour);
+        if self.vanishes() {
+            // From where it is: a surface that small has no room for its facets.
+            return Ok(());
+        }
+        let centre = self.state.centre + answer.velocity * dt;
+        let radius =
+            radius(self.state.liquid, self.state.radius, |radius| solid(&self.surface, &centre, radius))?;
+        let before: Vec<f64> = (0..mesh.cell_count()).map(|cell| mesh.measure(cell)).collect();
+        self.put(&centre, radius, &mut mesh.points);
+        let crushed = |(cell, before): (usize, &f64)| mesh.measure(cell) < LEAST_MEASURE * before;
+        match before.iter().enumerate().any(crushed) {
+            false => Ok(()),
+            true => Err(Error::run(Notice::new(
+                "the droplet moves so far in a step that a cell of the mesh would turn over",
+                "give a smaller time.step, or remesh after fewer steps (droplet.remesh.every)",
+            ))),
+        }
+    }
+
+    /// Moves surface and nodes to a centre and radius.
+    pub(super) fn put(&mut self, centre: &Vector<D>, radius: f64, points: &mut [Vector<D>]) {
+        let (moved, grown) = (centre - self.state.centre, radius - self.state.radius);
+        for (x, weight) in points.iter_mut().zip(&self.weight) {
+            *x += (moved + (*x - self.state.centre).normalize() * grown) * *weight;
+        }
+        for (node, s) in self.surface.nodes() {
+            points[*node as usize] = centre + s * radius;
+        }
+        (self.state.centre, self.state.radius) = (*centre, radius);
+    }
+
+    /// Makes room for grains that are in it at time zero, of a solid volume, m2: its radius stays, and there is less liquid.
+    pub(crate) fn hold(&mut self, solid: f64) {
+        self.state.liquid -= solid;
+        self.first -= solid;
+    }
+}
+
+/// The radius r with pi r^2 = liquid + solid(r), from a guess: by Newton's method, kept between the radius of the liquid alone and twice the guess.
+fn radius(liquid: f64, guess: f64, solid: impl Fn(f64) -> (f64, f64)) -> Result<f64> {
+    const STEPS: usize = 50;
+    let pi = std::f64::consts::PI;
+    let (mut low, mut high, mut radius) = ((liquid / pi).sqrt(), 2.0 * guess, guess);
+    for _ in 0..STEPS {
+        let (volume, growth) = solid(radius);
+        let excess = pi * radius * radius - liquid - volume;
+        if excess.abs() <= 1e-14 * liquid {
+            return Ok(radius);
+        }
+        if excess > 0.0 {
+            high = high.min(radius)
+        } else {
+            low = low.max(radius)
+        }
+        let next = radius - excess / (2.0 * pi * radius - growth);
+        // Grains that fill the surface leave Newton's step nothing to go by.
+        let next = if next > low && next < high { next } else { (low + high) / 2.0 };
+        if (next - radius).abs() <= 1e-15 * radius {
+            return Ok(next);
+        }
+        radius = next;
+    }
+    Ok(radius)
+}
