@@ -1,6 +1,6 @@
 //! Bodies that move in a fluid: their drag, the fluid that they take along, and how they fall.
 
-use crate::models::{FluidSet, Vec2, annulus};
+use crate::models::{FluidSet, Vec2, annulus, three_per_cell};
 use crate::{Case, Finding, Outcome};
 use std::f64::consts::PI;
 use voidage_campaign::Effort;
@@ -10,22 +10,28 @@ use voidage_coupling::droplet::{Droplet, Material};
 use voidage_coupling::remesh::{Remesh, Remesher};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
-use voidage_coupling::{Coupled, Result, System};
+use voidage_coupling::{Coupled, Result, System, TEMPERATURE};
 use voidage_fluid::Mesh;
-use voidage_fluid::body::{Body, BodyMotion};
-use voidage_fluid::conditions::{Condition, FlowCondition};
+use voidage_fluid::body::{Body, BodyMotion, Evaporation};
+use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
+use voidage_fluid::flow::State;
 use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
+use voidage_fluid::points::Points;
+use voidage_fluid::transport::Scalar;
 
 /// The case.
 pub const CASE: Case = Case {
     name: "body",
     group: "fluid",
-    title: "drag, added mass and fall of a disc whose motion is solved with the fluid",
+    title: "drag, added mass, fall and vapour of a disc that is solved with the fluid",
     source: "exact: Stokes between concentric circles, F = 4 pi eta U/(ln(R/a) - (R^2 - a^2)/(R^2 + a^2)); potential flow there, \
              added mass rho pi a^2 (R^2 + a^2)/(R^2 - a^2); between walls Faxen's series (1946), and for half the gap a converged \
              solution, 99.36",
     run,
 };
+
+/// Temperature of droplets and of the fluid around, K.
+const WARM: f64 = 373.15;
 
 /// A body of radius 1 at the origin.
 fn body(motion: BodyMotion<2>) -> FlowCondition<2> {
@@ -69,8 +75,12 @@ fn start(rings: usize, weight: f64) -> Result<f64> {
 
 /// A channel between walls at y = -half and half with a disc of radius 1 in its middle, closed far from it.
 fn channel(half: f64, length: f64, edge: f64) -> Result<Mesh<2>> {
+    Ok(Mesh::rectangle(&channel_of(half, length, edge))?)
+}
+
+fn channel_of(half: f64, length: f64, edge: f64) -> Rectangle {
     let hole = Hole { name: "disc".into(), centre: [0.0; 2], radius: 1.0, size: edge, growth: 0.15 };
-    Ok(Mesh::rectangle(&Rectangle {
+    Rectangle {
         lower: [-length, -half],
         upper: [length, half],
         // The gap beside the disc needs some cells too.
@@ -84,7 +94,7 @@ fn channel(half: f64, length: f64, edge: f64) -> Result<Mesh<2>> {
         holes: vec![hole],
         refine: vec![],
         structured: None,
-    })?)
+    }
 }
 
 /// Conditions of the channel.
@@ -99,17 +109,17 @@ fn channel_drag(half: f64, edge: f64) -> Result<f64> {
     Ok(-step(channel(half, 5.0 * half, edge)?, &set, 1e6)?.0.x)
 }
 
-/// Velocity of a heavy disc that falls along the channel, from rest, after steps that each take it a quarter of its radius, over that at which
-/// weight and drag are equal; remeshed after each step.
-fn fall(edge: f64, steps: usize) -> Result<f64> {
-    // So slowly that the disc reaches its velocity within a step.
-    let (half, density, gravity) = (4.0, 1000.0, 1e-6);
-    let drag = faxen(1.0 / half);
-    let terminal = (density - 1e-3) * PI * gravity / drag;
-    let mut set = FluidSet::new(1e-3, 1.0);
-    set.properties.gravity = Vec2::new(gravity, 0.0);
-    set.conditions = in_channel(body(BodyMotion::Held(Vec2::zeros())));
-    let mut mesh = channel(half, 5.0 * half, edge)?;
+/// A fluid in the channel with a droplet at `x` that nothing heats, remeshed after every step.
+fn with_droplet(
+    set: &FluidSet,
+    mesh: Mesh<2>,
+    start: [Vec2; 2],
+    density: f64,
+    held: bool,
+) -> Result<Coupled<2>> {
+    let [place, velocity] = start;
+    let mut mesh = mesh;
+    mesh.points.iter_mut().for_each(|x| *x += place);
     let material = Material {
         water: Water {
             density,
@@ -119,30 +129,103 @@ fn fall(edge: f64, steps: usize) -> Result<f64> {
             heat: HeatTransfer::default(),
             voidage_function: VoidageFunction::None,
         },
-        temperature: 373.15,
+        temperature: WARM,
         latent_heat: 1.0,
-        vapour_density: 1e-3,
+        vapour_density: set.properties.density,
         gravity: set.properties.gravity,
-        held: false,
+        held,
     };
-    let place = (Vec2::new(-0.2 * half, 0.0), 1.0);
-    mesh.points.iter_mut().for_each(|x| x.x += place.0.x);
-    let droplet = Droplet::new(&mut mesh, "disc", place, (Vec2::zeros(), 0.15), material)?;
-    let start = set.rest(&mesh, 0.0);
+    let droplet = Droplet::new(&mut mesh, "disc", (place, 1.0), (velocity, 0.15), material)?;
+    let start = State { velocity: vec![velocity; mesh.points.len()], ..set.rest(&mesh, WARM) };
     let mut fluid = set.build(mesh, start)?;
     fluid.droplet = Some(Box::new(droplet));
     let when = Remesh { every: 1, ..Remesh::default() };
     fluid.remesher = Some(Remesher::around_droplet(&fluid.mesh, None, when));
-    let mut system = Coupled::new(
-        System::Fluid(Box::new(fluid)),
-        SchemeName::default().build(&Iteration::default(), None),
-    );
+    let scheme = SchemeName::default().build(&Iteration::default(), None);
+    Ok(Coupled::new(System::Fluid(Box::new(fluid)), scheme))
+}
+
+/// Velocity of a heavy disc that falls along the channel, from rest, after steps that each take it a quarter of its radius, over that at which
+/// weight and drag are equal.
+fn fall(edge: f64, steps: usize) -> Result<f64> {
+    // So slowly that the disc reaches its velocity within a step.
+    let (half, density, gravity) = (4.0, 1000.0, 1e-6);
+    let terminal = (density - 1e-3) * PI * gravity / faxen(1.0 / half);
+    let mut set = FluidSet::new(1e-3, 1.0);
+    set.properties.gravity = Vec2::new(gravity, 0.0);
+    set.conditions = in_channel(body(BodyMotion::Held(Vec2::zeros())));
+    let start = [Vec2::new(-0.2 * half, 0.0), Vec2::zeros()];
+    let mut system = with_droplet(&set, channel(half, 5.0 * half, edge)?, start, density, false)?;
     let dt = 0.25 / terminal;
     for _ in 0..steps {
         system.step(dt)?;
     }
     let droplet = system.fluid_mut().and_then(|fluid| fluid.live_droplet());
     Ok(droplet.map_or(0.0, |droplet| droplet.state.velocity.x) / terminal)
+}
+
+/// How far a stream of velocity 1 along the channel is from uniform in velocity, after a droplet as warm as it has ridden along with it for some steps and
+/// remeshings; and what of it the droplet felt.
+fn ride(edge: f64) -> Result<(f64, f64)> {
+    let stream = Vec2::new(1.0, 0.0);
+    let mut set = FluidSet::new(1.3, 0.01);
+    set.scalars = vec![Scalar::new(TEMPERATURE, 1.5, 0.02)];
+    set.conditions = vec![
+        Condition {
+            boundary: "disc".into(),
+            flow: body(BodyMotion::Held(stream)),
+            scalars: vec![ScalarCondition::Value(Prescribed::Uniform(WARM))],
+        },
+        condition("walls", FlowCondition::Velocity(Prescribed::Uniform(stream))),
+        condition("end", FlowCondition::Open { pressure: 0.0 }),
+    ];
+    let mut rectangle = channel_of(3.0, 9.0, edge);
+    rectangle.sides.right = Side::named("end");
+    let start = [Vec2::new(-2.0, 0.0), stream];
+    let mut system = with_droplet(&set, Mesh::rectangle(&rectangle)?, start, 1.0, true)?;
+    for _ in 0..6 {
+        system.step(0.2)?;
+    }
+    let Some(fluid) = system.fluid_mut() else { return Ok((f64::NAN, f64::NAN)) };
+    let off = fluid.accepted.velocity.iter().map(|u| (u - stream).norm()).fold(0.0, f64::max);
+    let felt = fluid.live_droplet().map_or(f64::NAN, |d| d.state.force.norm() + d.state.heat.abs());
+    Ok((off, felt))
+}
+
+/// Pressure at a disc that blows evenly into a bed of held points four times as wide, over kappa j r ln(R/r), kappa the drag per volume over the square of
+/// the voidage.
+fn bed_pressure(rings: usize) -> Result<f64> {
+    let (mesh, voidage, drag, blowing) = (annulus(1.0, 4.0, rings, 4 * rings), 0.6, 50.0, 1e-3);
+    let perimeter: f64 = mesh.boundary("inner")?.measure(&mesh);
+    let places = three_per_cell(&mesh);
+    let area = |q: usize| mesh.measure(q / 3) / 3.0;
+    let (none, still) = (vec![0.0; places.len()], vec![Vec2::zeros(); places.len()]);
+    let points = Points {
+        cell: (0..places.len() as u32).map(|q| q / 3).collect(),
+        coordinate: places.iter().enumerate().map(|(q, x)| mesh.barycentric(q / 3, x)).collect(),
+        volume: (0..places.len()).map(|q| (1.0 - voidage) * area(q)).collect(),
+        drag: (0..places.len()).map(|q| drag * area(q)).collect(),
+        mobility: none.clone(),
+        velocity: still.clone(),
+        flux_mobility: none,
+        flux_velocity: still,
+        scalars: vec![],
+    };
+    let mut set = FluidSet::new(1e-6, 1e-6);
+    let evaporation = Evaporation { scalar: None, heat: blowing * perimeter, latent: 1.0 };
+    let FlowCondition::Body(disc) = body(BodyMotion::Held(Vec2::zeros())) else { return Ok(f64::NAN) };
+    let disc = Body { evaporation: Some(evaporation), ..disc };
+    set.conditions = vec![
+        condition("inner", FlowCondition::Body(disc)),
+        condition("outer", FlowCondition::Open { pressure: 0.0 }),
+    ];
+    let start = set.rest(&mesh, 0.0);
+    let nodes = mesh.points.len();
+    let mut flow = set.equations(mesh, start)?;
+    flow.solve(1e3, &vec![voidage; nodes], Some(&points), &set.conditions)?;
+    let pressure = &flow.solution().pressure[..4 * rings];
+    let mean = pressure.iter().sum::<f64>() / pressure.len() as f64;
+    Ok(mean / (drag / (voidage * voidage) * blowing * 4.0_f64.ln()))
 }
 
 /// Drag over viscosity and velocity midway between walls, radius over half the gap k: to 1e-4 up to k = 1/4.
@@ -187,6 +270,26 @@ fn run(effort: Effort) -> Result<Outcome> {
         1.0,
         speed,
         2e-2,
+    ));
+
+    let (off, felt) = ride(0.15)?;
+    let what = "unevenness of a stream that a droplet rides along with";
+    outcome.findings.push(Finding::at_most(what, "U", 1e-9, off));
+    outcome.findings.push(Finding::at_most(
+        "force and heat that the droplet feels there",
+        "N/m, W/m",
+        1e-7,
+        felt,
+    ));
+
+    let pressure = bed_pressure(finest)?;
+    let what = "pressure at a disc that blows into a bed four times as wide";
+    outcome.findings.push(Finding::relative(
+        what,
+        "kappa j r ln 4",
+        1.0,
+        pressure,
+        effort.pick(1.5e-2, 5e-3),
     ));
     Ok(outcome)
 }
