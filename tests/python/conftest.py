@@ -1,5 +1,6 @@
 """Meshes, random points, and the solvers that this interpreter can run."""
 
+import dataclasses
 import importlib
 import itertools
 import os
@@ -13,6 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "coupling" / "python"))
 
+from voidage.boundary import area_vectors
 from voidage.cells import Cells
 from voidage.solver import Fields, Points, PointScalar, Problem
 
@@ -57,6 +59,42 @@ def _facets(points, cells, axis, value, outward):
     else:
         turned = np.cross(edges[:, 0], edges[:, 1])
     wrong = turned[:, axis] * outward < 0
+    facets[wrong, :2] = facets[wrong, 1::-1]
+    return facets
+
+
+def with_holes(problem: Problem, width: float, **centres) -> Problem:
+    """The problem without the cells of cubes of a width; their sides are parts of these names."""
+    inside = {
+        name: (abs(problem.points[problem.cells].mean(axis=1) - x) < width / 2).all(axis=1)
+        for name, x in centres.items()
+    }
+    kept = problem.cells[~np.any(list(inside.values()), axis=0)]
+    nodes, cells = np.unique(kept, return_inverse=True)
+    number = np.zeros(len(problem.points), dtype=int)
+    number[nodes] = np.arange(len(nodes))
+    parts = {name: number[facets] for name, facets in problem.boundaries.items()}
+    parts |= {name: number[_surface(problem, problem.cells[of])] for name, of in inside.items()}
+    fields = Fields(problem.fields.velocity[nodes], problem.fields.pressure[nodes])
+    return dataclasses.replace(
+        problem,
+        points=problem.points[nodes],
+        cells=cells.reshape(kept.shape),
+        boundaries=parts,
+        fields=fields,
+    )
+
+
+def _surface(problem, cells):
+    """Facets around cells, with normals into them."""
+    facets = np.concatenate([np.delete(cells, skip, axis=1) for skip in range(cells.shape[1])])
+    within = np.tile(problem.points[cells].mean(axis=1), (cells.shape[1], 1))
+    _, first, count = np.unique(
+        np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    facets, within = facets[first[count == 1]], within[first[count == 1]]
+    inward = within - problem.points[facets].mean(axis=1)
+    wrong = np.einsum("ki,ki->k", area_vectors(problem.points, facets), inward) < 0
     facets[wrong, :2] = facets[wrong, 1::-1]
     return facets
 

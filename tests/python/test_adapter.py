@@ -125,6 +125,35 @@ def test_a_step_is_what_its_columns_say(driver):
     assert len(driver.solver.step.conditions) == 1
 
 
+def test_a_body_is_what_its_condition_says():
+    described = {
+        "centre": [1, 2],
+        "radius": 3,
+        "expansion": -4,
+        "motion": {"free": {"inertia": [5, 6, 7, 8], "force": [9, 10]}},
+        "evaporation": {"scalar": 0, "heat": 11, "latent": 12},
+        "solid": [13, 14, 15, 16, 17, 18],
+    }
+    condition = {"boundary": "drop", "flow": {"body": described}, "scalars": []}
+    (found,) = adapter.conditions([condition])
+    body = found.flow
+    assert isinstance(body, data.Body) and isinstance(body.motion, data.Free)
+    assert body.centre.tolist() == [1, 2] and (body.radius, body.expansion) == (3, -4)
+    assert body.motion.inertia.tolist() == [[5, 7], [6, 8]]
+    assert body.motion.force.tolist() == [9, 10]
+    assert body.evaporation == data.Evaporation(0, 11, 12)
+    assert body.solid.tolist() == [[13, 14], [15, 16], [17, 18]]
+
+    described |= {"motion": {"held": [1, 2]}, "evaporation": None, "solid": []}
+    (found,) = adapter.conditions([condition])
+    assert isinstance(found.flow.motion, data.Held)
+    assert found.flow.motion.velocity.tolist() == [1, 2] and found.flow.evaporation is None
+    assert found.flow.solid.shape == (0, 2)
+    described["motion"] = {"tied": None}
+    with pytest.raises(ValueError, match="the motion `tied` of a body"):
+        adapter.conditions([condition])
+
+
 def test_what_is_no_solution_is_told(driver):
     driver.solver.solve = lambda step: math.pi
     with pytest.raises(TypeError, match="returned float, it must return a Solution"):

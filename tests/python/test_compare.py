@@ -33,6 +33,8 @@ def compare(program, scene, out, *options):
         (SCENES / "moving-mesh.toml", "1,30"),
         (SCENES / "moving-box.toml", "1,30"),
         (CASES / "tracer" / "scene.toml", "1,20"),
+        (SCENES / "droplet.toml", "1,2,12"),
+        (SCENES / "boils-away.toml", "1,20,40"),
     ],
     ids=[
         "bubbling bed",
@@ -44,6 +46,8 @@ def compare(program, scene, out, *options):
         "moving mesh",
         "moving rod in a closed box",
         "tracer",
+        "droplet",
+        "droplet that boils away",
     ],
 )
 def test_solvers_agree_to_round_off(program, tmp_path, scene, at):
@@ -67,6 +71,15 @@ def test_other_forms_of_the_equations_are_the_same_in_all_solvers(program, tmp_p
     options = ("--set", change, "--at", "1,20", "--steps", "0")
     done, _ = compare(program, bed, tmp_path / "out", *options)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_droplet_that_the_gas_throws_about_is_the_same_in_all_solvers(program, tmp_path):
+    """As light as this, it moves as the forces of the gas do."""
+    light = ("--set", "droplet.liquid.density=2.0", "--set", "time.step=1e-5")
+    options = (*light, "--at", "1,2,8", "--steps", "0")
+    done, rows = compare(program, SCENES / "droplet.toml", tmp_path / "out", *options)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {"body velocity", "vapour of bodies"} < {row["quantity"] for row in rows}
 
 
 def test_a_mesh_made_anew_reaches_all_solvers(program, tmp_path):

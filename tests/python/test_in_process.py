@@ -1,5 +1,6 @@
 """Fluid solvers in Python, in the process of the grains."""
 
+import dataclasses
 import gc
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 import voidage
 from test_simulation import BED, assert_same
 from voidage.dummy import STREAM, Dummy
+
+DROPLET = BED.parents[1] / "python" / "scenes" / "droplet.toml"
 
 
 def test_the_dummy_blows_its_stream():
@@ -35,6 +38,24 @@ def test_a_moving_mesh_reaches_a_solver_in_this_process(name):
         scale = abs(rust.fluid[column]).max()
         np.testing.assert_allclose(
             python.fluid[column], rust.fluid[column], rtol=0, atol=1e-8 * scale
+        )
+
+
+def test_a_droplet_boils_away_in_a_solver_in_this_process():
+    pytest.importorskip("skfem")
+    from voidage.scikit_fem import ScikitFem
+
+    scene, tight = DROPLET.with_name("boils-away.toml"), ["fluid.solver.tolerance=1e-12"]
+    rust = voidage.Simulation(scene, tight)
+    python = voidage.Simulation(scene, tight, fluid=ScikitFem())
+    for simulation in (rust, python):
+        assert "droplet" in simulation.mesh.boundaries
+        simulation.run(until=6e-4)
+        assert "droplet" not in simulation.mesh.boundaries
+    for name in rust.fluid:
+        scale = abs(rust.fluid[name]).max()
+        np.testing.assert_allclose(
+            python.fluid[name], rust.fluid[name], rtol=0, atol=1e-6 * scale
         )
 
 
@@ -147,6 +168,26 @@ def test_what_a_solver_does_wrong_ends_the_step(methods, text):
     with pytest.raises(RuntimeError, match=text) as raised:
         simulation.step()
     assert raised.value.__cause__ is not None
+
+
+@pytest.mark.parametrize(
+    ("bodies", "text"),
+    [
+        ([voidage.BodyAnswer(np.zeros(3), 0.0)], r"`velocity of a body` has shape \[3\]"),
+        ([voidage.BodyAnswer([0.0, np.inf], 0.0)], "`velocity of a body` is inf in row 1"),
+        ([voidage.BodyAnswer(np.zeros(2), np.nan)], "`vapour` of a body is NaN"),
+        ([voidage.BodyAnswer(np.zeros(2), None)], "vapour=None"),
+        ([voidage.BodyAnswer(np.zeros(2), 0.0)] * 2, "answers for 2 bodies, there are 1"),
+        ((), "does not say what the droplet does"),
+    ],
+)
+def test_what_a_solver_says_of_bodies_is_checked(bodies, text):
+    def solve(self, step):
+        return dataclasses.replace(Dummy.solve(self, step), bodies=bodies)
+
+    simulation = voidage.Simulation(DROPLET, fluid=change(solve=solve))
+    with pytest.raises(RuntimeError, match=text):
+        simulation.step()
 
 
 def test_a_solver_that_does_not_take_the_mesh():

@@ -8,16 +8,31 @@ import sys
 
 import numpy as np
 import pytest
-from voidage.solver import Condition, Fields, NoSlip, Open, Scalar, Step, Value, Velocity
+from voidage.solver import (
+    Body,
+    Condition,
+    Evaporation,
+    Fields,
+    Free,
+    NoSlip,
+    Open,
+    Scalar,
+    Step,
+    Value,
+    Velocity,
+)
 
-from conftest import problem, scatter
+from conftest import problem, scatter, with_holes
 
 
 def solve() -> tuple[np.ndarray, np.ndarray]:
-    """Fields after one step and what passes the boundary, all points in a corner of the box."""
+    """Fields after one step and what passes the boundary, all points in a corner of a box with a
+    body in it."""
     from voidage.fenicsx import FEniCSx
 
     box, rng = problem(6, 2, gravity=np.array([0.0, -9.81])), np.random.default_rng(3)
+    middle = np.array([0.75, 0.75])
+    box = with_holes(box, 1 / 6, body=middle)
     warm = Fields(box.fields.velocity, box.fields.pressure, (np.full(len(box.points), 300.0),))
     scalar = Scalar("temperature", 1.5, 0.1, 0.003, 295.0)
     box = dataclasses.replace(box, fields=warm, scalars=(scalar,))
@@ -25,6 +40,9 @@ def solve() -> tuple[np.ndarray, np.ndarray]:
     conditions = [Condition(name, NoSlip(), (Value(310.0),)) for name in box.boundaries]
     conditions[0] = Condition("x0", Velocity(np.array([0.1, 0.0])))
     conditions[3] = Condition("y1", Open(0.0))
+    free, boils = Free(0.3 * np.eye(2), np.array([0.02, 0.05])), Evaporation(0, 0.1, 40.0)
+    body = Body(middle, 0.1, 0.05, free, boils, np.zeros((0, 2)))
+    conditions[-1] = Condition("body", body, (Value(320.0),))
     solver = FEniCSx()
     solver.set_mesh(box)
     solution = solver.solve(Step(0.1, conditions, voidage, points))

@@ -9,7 +9,16 @@ import voidage
 
 FOLDER = Path(voidage.__file__).parent
 SOLVERS = ("dummy", "scikit_fem", "fenicsx")
-SHARED = ("adapter", "solver", "points", "cells", "boundary", "finite_elements", "fenicsx_linear")
+SHARED = (
+    "adapter",
+    "solver",
+    "points",
+    "cells",
+    "boundary",
+    "body",
+    "finite_elements",
+    "fenicsx_linear",
+)
 ADAPTER = {"adapter", "_voidage"}
 
 

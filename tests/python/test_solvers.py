@@ -4,11 +4,16 @@ import dataclasses
 
 import numpy as np
 import pytest
+from voidage.boundary import area_vectors
 from voidage.cells import Cells
 from voidage.points import complete
 from voidage.solver import (
+    Body,
     Condition,
+    Evaporation,
     Fields,
+    Free,
+    Held,
     Motion,
     NoSlip,
     Open,
@@ -22,7 +27,7 @@ from voidage.solver import (
     Velocity,
 )
 
-from conftest import problem, scatter
+from conftest import problem, scatter, with_holes
 
 WARM = Scalar("temperature", capacity=1.5, conductivity=0.1, reference=300.0)
 TRACER = Scalar("tracer", capacity=1.0, conductivity=0.02)
@@ -306,3 +311,125 @@ def test_a_uniform_stream_on_a_moving_mesh(solver, rng, dimension):
         np.testing.assert_allclose(found.velocity, stream, atol=1e-9)
         np.testing.assert_allclose(found.pressure, 0, atol=1e-9)
         np.testing.assert_allclose(found.scalars[0], 310.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_body_that_grows_pushes_the_fluid_out(solver, dimension):
+    """Of a body as large as a disc of its radius, 2 pi r rdot."""
+    width, rdot, middle = 1 / 3, 0.7, np.full(dimension, 0.5)
+    box = with_holes(problem(6, dimension, tolerance=1e-13), width, body=middle)
+    radius = width / np.sqrt(np.pi)
+    motion = Held(np.zeros(dimension))
+    body = Body(middle, radius, rdot, motion, None, np.zeros((0, dimension)))
+    conditions = [Condition(name, NoSlip()) for name in box.boundaries]
+    conditions[1], conditions[-1] = Condition("x1", Open(0.0)), Condition("body", body)
+    solver.set_mesh(box)
+    solution = solver.solve(Step(0.1, conditions, np.ones(len(box.points))))
+    found, grows = solution.balances, dimension * width**dimension / radius * rdot
+    if dimension == 2:
+        assert grows == pytest.approx(2 * np.pi * radius * rdot, rel=1e-15)
+    assert found["body"].flux == pytest.approx(-grows, rel=1e-12)
+    assert found["x1"].flux == pytest.approx(grows, rel=close(solver))
+    surface = np.unique(box.boundaries["body"])
+    pushed = rdot / radius * (box.points[surface] - middle)
+    np.testing.assert_allclose(solution.fields.velocity[surface], pushed, atol=close(solver))
+    (answer,) = solution.bodies
+    assert answer.vapour == 0 and not answer.velocity.any()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_bodies_move_and_boil_by_what_the_fluid_gives_them(solver, rng, dimension):
+    """Two that are free and one that is held, in a stream with points, on a mesh that moves."""
+    n, dt = 7, 0.1
+    width, axis = 1 / n, np.eye(dimension)[0]
+    middle = np.full(dimension, 0.5)
+    centres = {"left": middle - 2 * width * axis, "right": middle, "held": middle}
+    centres["held"] = middle + 2 * width * axis
+    gravity = np.array([0.3, -9.81, 0.5][:dimension])
+    box = with_holes(problem(n, dimension, gravity=gravity), width, **centres)
+    count, zero = len(box.points), np.zeros(dimension)
+    jump = 0.05 / n * rng.standard_normal(box.points.shape)
+    old = Fields(
+        rng.standard_normal(box.points.shape),
+        rng.standard_normal(count),
+        tuple(300 + 5 * rng.random((2, count))),
+    )
+    scalars = dataclasses.replace(WARM, form="monotone", expansion=0.003), TRACER
+    box = dataclasses.replace(box, scalars=scalars, fields=old, newton=2, tolerance=1e-13)
+    points, voidage = scatter(rng, box.points + jump, box.cells, scalars=1)
+    points = dataclasses.replace(points, scalars=(*points.scalars, None))
+    voidage[box.boundaries["left"][0]] = 0.01
+
+    def body(name, motion, boils):
+        solid = 0.001 * rng.standard_normal(box.boundaries[name].shape)
+        return Body(centres[name], 0.4 * width, 0.1 * rng.random(), motion, boils, solid)
+
+    def free():
+        inertia = rng.standard_normal((dimension, dimension)) + 3 * np.eye(dimension)
+        return Free(inertia, 0.1 * rng.standard_normal(dimension))
+
+    bodies = {
+        "left": body("left", free(), Evaporation(0, 2.0, 900.0)),
+        "right": body("right", free(), Evaporation(None, 2.0, 900.0)),
+        "held": body("held", Held(0.1 * rng.random(dimension)), Evaporation(1, 0.0, 90.0)),
+    }
+    conditions = [Condition(name, Slip()) for name in box.boundaries if name not in bodies]
+    conditions[0] = Condition("x0", SuperficialVelocity(axis), (Value(305.0), Value(1.0)))
+    conditions[1] = Condition("x1", Open(0.7), (Outflow(290.0), Outflow(None)))
+    at_surface = Value(350.0), Value(2.0)
+    conditions += [Condition(name, each, at_surface) for name, each in bodies.items()]
+    solver.set_mesh(box)
+    motion = Motion(box.points + jump, jump / dt)
+    solution = solver.solve(Step(dt, conditions, voidage, points, motion=motion))
+    new, found = solution.fields, solution.balances
+    fluxes = np.array([each.flux for each in found.values()])
+    assert abs(fluxes.sum()) < close(solver) * abs(fluxes).sum()
+
+    for (name, body), answer in zip(bodies.items(), solution.bodies, strict=True):
+        facets, balance, boils = box.boundaries[name], found[name], body.evaporation
+        if isinstance(body.motion, Free):
+            given = body.motion.force + balance.force
+            scale = abs(body.motion.force).max() + abs(balance.force).max()
+            np.testing.assert_allclose(
+                body.motion.inertia @ answer.velocity, given, atol=close(solver) * scale
+            )
+        else:
+            np.testing.assert_array_equal(answer.velocity, body.motion.velocity)
+        heat = 0.0 if boils.scalar is None else -balance.scalars[boils.scalar]
+        assert answer.vapour == pytest.approx((heat + boils.heat) / boils.latent, rel=1e-12)
+        assert answer.vapour != 0
+
+        area = area_vectors(motion.points, facets)
+        measure = np.linalg.norm(area, axis=1)
+        s, blowing = (motion.points - body.centre) / body.radius, answer.vapour / measure.sum()
+        moves = answer.velocity + body.expansion * s
+        outward = s / np.linalg.norm(s, axis=1, keepdims=True)
+        blown = blowing / np.maximum(voidage, 0.05)[:, None] * outward
+        held, scale = np.unique(facets), abs(new.velocity).max()
+        np.testing.assert_allclose(
+            new.velocity[held], (moves + blown)[held], rtol=0, atol=close(solver) * scale
+        )
+
+        eps, w = voidage[facets], np.einsum("kai,ki->ka", moves[facets], area)
+        pairs = eps.sum(axis=1) * w.sum(axis=1) + (eps * w).sum(axis=1)
+        passes = pairs.sum() / (dimension * (dimension + 1)) + body.solid.sum() - answer.vapour
+        assert balance.flux == pytest.approx(passes, abs=1e-12 * abs(fluxes).sum())
+        for k, scalar in enumerate(scalars):
+            carried = -scalar.capacity * blowing * (measure @ new.scalars[k][facets].mean(axis=1))
+            assert balance.convected[k] == pytest.approx(carried, rel=1e-12)
+
+
+def test_a_body_as_heavy_as_the_fluid_rests_in_it(solver):
+    """In a closed box, where nothing but the body knows how fast it may move."""
+    gravity, width, middle = np.array([0.4, -9.81]), 1 / 3, np.full(2, 0.5)
+    box = with_holes(problem(6, 2, gravity=gravity, tolerance=1e-13), width, body=middle)
+    weight = box.density * width**2 * gravity
+    motion = Free(box.density * width**2 / 0.1 * np.eye(2), weight)
+    body = Body(middle, 0.2, 0.0, motion, None, np.zeros((0, 2)))
+    conditions = [Condition(name, NoSlip()) for name in box.boundaries]
+    conditions[-1] = Condition("body", body)
+    solver.set_mesh(box)
+    solution = solver.solve(Step(0.1, conditions, np.ones(len(box.points))))
+    np.testing.assert_allclose(solution.balances["body"].force, -weight, rtol=1e-7)
+    np.testing.assert_allclose(solution.fields.velocity, 0, atol=1e-7)
+    np.testing.assert_allclose(solution.bodies[0].velocity, 0, atol=1e-7)

@@ -156,6 +156,9 @@ impl Peer {
         if frame.kind() == Kind::Step {
             let step = read_step::<2>(frame.header(), frame.payload()).map_err(exception)?;
             (points, motion) = (step.points, step.motion);
+            if let Some(conditions) = step.conditions {
+                self.expected.follow(&conditions);
+            }
         }
         let Expected { nodes, scalars, .. } = self.expected;
         Ok(Frame { frame, points, motion, nodes, scalars, cells: self.cells })

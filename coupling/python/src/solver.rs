@@ -10,6 +10,7 @@ use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
 use voidage_coupling::exchange::Pieces;
 use voidage_coupling::{Error, Result};
 use voidage_fluid::balance::Balance;
+use voidage_fluid::body::{self, BodyAnswer};
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::flow::{Report, State};
 use voidage_fluid::points::Points;
@@ -59,6 +60,7 @@ impl PythonFluid {
             return String::new();
         }
         self.conditions = conditions.to_vec();
+        self.expected.follow(conditions);
         serde_json::json!(conditions).to_string()
     }
 }
@@ -188,13 +190,22 @@ pub struct Expected {
     pub scalars: usize,
     /// Names of the parts of the boundary, in the order of the conditions.
     parts: Vec<String>,
+    /// How many of them are bodies.
+    bodies: usize,
 }
 
 impl Expected {
     /// Of a solver that is told this; the mesh comes later.
     pub fn new(setup: &Setup<2>) -> Self {
-        let parts = setup.model.conditions.iter().map(|condition| condition.boundary.clone());
-        Self { nodes: 0, scalars: setup.model.scalars.len(), parts: parts.collect() }
+        let mut new = Self { nodes: 0, scalars: setup.model.scalars.len(), parts: Vec::new(), bodies: 0 };
+        new.follow(&setup.model.conditions);
+        new
+    }
+
+    /// From now on the solutions are those of steps with these conditions.
+    pub fn follow(&mut self, conditions: &[Condition<2>]) {
+        self.parts = conditions.iter().map(|condition| condition.boundary.clone()).collect();
+        self.bodies = body::count(conditions);
     }
 
     /// Reads an object like `voidage.Solution`.
@@ -214,7 +225,31 @@ impl Expected {
         }
         out.report = read_report(&given(solution, "report")?)?;
         out.transport_s = 0.0;
+        self.read_bodies(solution, &mut out.bodies)?;
         self.read_balances(&given(solution, "balances")?, &mut out.balances)
+    }
+
+    /// The answers of all bodies, or none of any.
+    fn read_bodies(&self, solution: &Bound<'_, PyAny>, out: &mut Vec<BodyAnswer<2>>) -> PyResult<()> {
+        out.clear();
+        let Some(bodies) = solution.getattr_opt("bodies")? else { return Ok(()) };
+        let count = bodies.len()?;
+        if count != 0 && count != self.bodies {
+            let text = format!("the solver answers for {count} bodies, there are {}", self.bodies);
+            return Err(PyValueError::new_err(text));
+        }
+        for body in bodies.try_iter()? {
+            let body = body?;
+            let velocity = finite_numbers(&given(&body, "velocity")?, "velocity of a body", Some(2), 1)?;
+            let vapour: f64 = given(&body, "vapour")?.extract()?;
+            if !vapour.is_finite() {
+                return Err(PyValueError::new_err(format!(
+                    "`vapour` of a body is {vapour}, it must be finite"
+                )));
+            }
+            out.push(BodyAnswer { velocity: Vector::from_column_slice(&velocity), vapour });
+        }
+        Ok(())
     }
 
     /// The balances of all parts, or none of any.

@@ -23,6 +23,7 @@ except ImportError as error:
     raise ImportError(f"{error}\n  {help}") from error
 from .solver import (
     Balance,
+    BodyAnswer,
     Fields,
     Motion,
     Points,
@@ -37,6 +38,7 @@ from .solver import (
 
 __all__ = [
     "Balance",
+    "BodyAnswer",
     "Columns",
     "Fields",
     "Frame",

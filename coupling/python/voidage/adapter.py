@@ -76,7 +76,33 @@ def _flow(described: str | Mapping[str, Any]):
             return data.NoSlip()
         case "slip":
             return data.Slip()
+        case "body":
+            return _body(value)
     raise ValueError(f"the flow condition `{kind}` is unknown to this version of voidage")
+
+
+def _body(described: Mapping[str, Any]) -> data.Body:
+    centre = np.array(described["centre"], dtype=float)
+    kind, value = _variant(described["motion"])
+    boils = described["evaporation"]
+    motion: data.BodyMotion
+    match kind:
+        case "free":
+            # Column by column, without brackets between the columns.
+            inertia = np.reshape(value["inertia"], (len(centre), len(centre)), order="F")
+            motion = data.Free(inertia.astype(float), np.array(value["force"], dtype=float))
+        case "held":
+            motion = data.Held(np.array(value, dtype=float))
+        case _:
+            raise ValueError(f"the motion `{kind}` of a body is unknown to this version of voidage")
+    return data.Body(
+        centre,
+        described["radius"],
+        described["expansion"],
+        motion,
+        None if boils is None else data.Evaporation(**boils),
+        np.reshape(np.array(described["solid"], dtype=float), (-1, len(centre))),
+    )
 
 
 def _scalar(described: str | Mapping[str, Any]):

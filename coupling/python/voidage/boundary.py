@@ -59,9 +59,10 @@ class Boundary(Places):
         self.voidage = self.at(step.voidage)
         self.entering = -self.voidage * np.minimum(self.through(wind), 0)
         """-eps min(wind . n, 0), ``wind`` is u_n - u_mesh at the nodes, (q)."""
-        self.open, self.pressure, self.known, self.gross = np.zeros((4, len(nodes)))
+        self.open, self.pressure, self.known, self.gross, self.blown = np.zeros((5, len(nodes)))
         """One where open, and the pressure there; the volume that leaves elsewhere, and would if
-        all went along the normal, (q) each."""
+        all went along the normal; what of it is vapour of bodies; (q) each. Of bodies they and what
+        is held come from :class:`voidage.body.Bodies`."""
         self.last, self.fixed = np.full(self.count, -1), np.zeros_like(wind)
         """Number of the last part that fixes the velocity of a node, -1 if none does, (n), and the
         velocity, m/s, (n, D)."""
@@ -88,6 +89,9 @@ class Boundary(Places):
         match flow:
             case data.Open(pressure):
                 self.open[here], self.pressure[here] = 1, pressure
+                return
+            case data.Body():
+                self.last[self.nodes[here]] = number
                 return
             case data.Velocity(value):
                 share, velocity = self.voidage, still + value
@@ -129,12 +133,17 @@ class Boundary(Places):
         passes elsewhere is known."""
         D = self.problem.dimension
         matrix, rhs = self.nothing(D + 1)
-        rhs -= self.rows(self.shape, D, D + 1).T @ self.known
+        rhs += self.mass(self.known)
         for i in range(D):
             matrix += self._pairs(self.open * self.voidage * self.area[:, i], D, i, D + 1)
             matrix += self._pairs(self.open * self.problem.density * self.entering, i, i, D + 1)
             rhs -= self.rows(self.shape, i, D + 1).T @ (self.pressure * self.area[:, i])
         return matrix, rhs
+
+    def mass(self, passes: Floats) -> Floats:
+        """What is known to pass, (q), on the right-hand side of the equations of mass."""
+        D = self.problem.dimension
+        return -(self.rows(self.shape, D, D + 1).T @ passes)
 
     def scalar_terms(self, k: int) -> Terms:
         """<<h (s - outside), S>> in the equation of scalar k."""
@@ -161,16 +170,15 @@ class Boundary(Places):
         free[0, D, D] = not self.closed
         return free, value
 
-    def net_flux(self) -> float:
-        """What the velocities prescribed all around let out, and walls push out, less what they let
-        in, 1/s. Raises ``ValueError`` if that is more than round-off."""
+    def check_net_flux(self) -> None:
+        """Raises ``ValueError`` if what the velocities prescribed all around let out, and walls
+        push out, is more than round-off away from what they let in."""
         net = float(self.known.sum())
         if abs(net) > 1e-9 * self.gross.sum():
             raise ValueError(
                 f"no boundary is open, but the prescribed velocities let {net:.3e} more fluid out "
                 "than in; open one"
             )
-        return net
 
     def balances(
         self, new: Fields, residual: Floats, scalar_residuals: list[Floats]
@@ -185,13 +193,15 @@ class Boundary(Places):
         flux = self.known + self.open * self.voidage * self.through(new.velocity)
         taken = self.open * self.problem.density * self.entering
         force = taken[:, None] * self.at(new.velocity) + self.pressure[:, None] * self.area
-        kinds = [isinstance(each.flow, data.NoSlip | data.Slip) for each in self.step.conditions]
-        carrying = np.where(np.array(kinds)[self.part], 0.0, flux)  # a wall carries nothing away
+        walls = data.NoSlip | data.Slip | data.Body
+        kinds = [isinstance(each.flow, walls) for each in self.step.conditions]
+        # A wall carries nothing away.
+        carrying = np.where(np.array(kinds)[self.part], self.blown, flux)
         fluxes, given, convected = self._sums(flux, self.part), [], []
         forces = self._sums(force, self.part) + self._holding_forces(residual)
         for k, scalar in enumerate(self.problem.scalars):
-            (h, outside, last, _), s = self._scalar(k), self.at(new.scalars[k])
-            held = self._sums(scalar_residuals[k], last)
+            (h, outside, *_), s = self._scalar(k), self.at(new.scalars[k])
+            held = self.given_by_values(k, scalar_residuals[k])
             given.append(held + self._sums(h * (outside - s), self.part))
             convected.append(self._sums(scalar.capacity * s * carrying, self.part))
         found = {}
@@ -199,6 +209,11 @@ class Boundary(Places):
             scalars = (tuple(float(each[number]) for each in kind) for kind in (given, convected))
             found[condition.boundary] = Balance(float(fluxes[number]), forces[number], *scalars)
         return found
+
+    def given_by_values(self, k: int, residual: Floats) -> Floats:
+        """What prescribed values of scalar k give to the fluid, in the order of the conditions."""
+        *_, last, _ = self._scalar(k)
+        return self._sums(residual, last)
 
     def _sums(self, values: Floats, part: Integers) -> Floats:
         """Sums over what belongs to each part, in the order of the conditions."""

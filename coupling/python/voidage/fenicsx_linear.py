@@ -97,25 +97,44 @@ class Linear:
         self.matrix_form, self.rhs_form = fem.form(matrix), fem.form(rhs)
         self.matrix = petsc.create_matrix(self.matrix_form)
         self.rhs = petsc.assemble_vector(self.rhs_form)  # the vector; its values come later
-        self.components = self.rhs.block_size
+        self.components = c = self.rhs.block_size
+        self.owned = (c * layout.owned_node[:, None] + np.arange(c)).ravel()
+        """Which of the unknowns of the problem this rank owns."""
 
     def solve(self, beside: Beside, report: Report) -> tuple[Floats, Floats]:
-        """Solves where the nodes are free; returns x and A x - b, one row per node.
+        """Solves where the nodes are free, for every right-hand side: that of the forms and those
+        of ``beside``. Returns x and A x - b, (r, n, c) each.
 
         The conditions take the place of the equations that fall away, scaled as the diagonal that
         they had. The residual of what was solved, reported relative to the right-hand side, is that
         of the system scaled to a unit diagonal.
         """
         self._assemble(beside)
-        owned = self.layout.owned_node
-        A, b = self._hold(beside.free[owned], beside.value[owned])
+        A, projector, held = self._hold(beside.free[self.layout.owned_node])
         unit = A.getDiagonal()
         unit.sqrtabs()
         unit.reciprocal()
         A.diagonalScale(unit, unit)
-        b.pointwiseMult(b, unit)
-        ksp = self._solver(A)
-        x = A.createVecRight()
+        ksp, known, found = self._solver(A), unit.duplicate(), []
+        report.residual = 0.0
+        for rhs, value in zip(beside.rhs, beside.value, strict=True):
+            self.rhs.array += rhs[self.owned]
+            known.array = value.ravel()[self.owned]
+            b = projector * self.rhs + held * known
+            b.pointwiseMult(b, unit)
+            x = self._iterate(ksp, b, report)
+            x.pointwiseMult(x, unit)
+            left = self.matrix * x - self.rhs
+            pair = (each.array.reshape(-1, self.components) for each in (x, left))
+            found.append([self.layout.gather(each) for each in pair])
+            self.rhs.set(0)  # the others have nothing of the forms
+        PETSc.garbage_cleanup(A.comm)  # with several ranks nothing is freed before
+        solution, unheld = zip(*found, strict=True)
+        return np.stack(solution), np.stack(unheld)
+
+    def _iterate(self, ksp: PETSc.KSP, b: PETSc.Vec, report: Report) -> PETSc.Vec:
+        """Solves a system scaled to a unit diagonal."""
+        A, x = ksp.getOperators()[0], b.duplicate()
         tolerance = self.layout.problem.tolerance
         for attempt in range(ATTEMPTS if self.iterative else 1):
             # From where the last one ended: what an iteration believes to be left is not what is.
@@ -128,13 +147,8 @@ class Linear:
         if not residual <= (tolerance if self.iterative else max(tolerance, NEARLY_SINGULAR)):
             text = f"the linear system was not solved: its relative residual is {residual:.1e}"
             raise ArithmeticError(text)
-        x.pointwiseMult(x, unit)
-        left = self.matrix * x - self.rhs
-        found = (self.layout.gather(each.array.reshape(-1, self.components)) for each in (x, left))
-        solution, unheld = found
-        report.residual = residual
-        PETSc.garbage_cleanup(A.comm)  # with several ranks nothing is freed before
-        return solution, unheld
+        report.residual = max(report.residual, residual)
+        return x
 
     def _assemble(self, beside: Beside) -> None:
         A, b = self.matrix, self.rhs
@@ -145,21 +159,18 @@ class Linear:
             local.set(0)
         petsc.assemble_vector(b, self.rhs_form)
         b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
-        self._add(beside)
+        self._add(beside.matrix)
         A.assemble()
         if self.monotone:
             self._upwind()
 
-    def _add(self, beside: Beside) -> None:
-        """Adds the terms beside the forms in the rows that this rank owns."""
-        node, component = self.layout.owned_node[:, None], np.arange(self.components)
-        owned = (self.components * node + component).ravel()
-        rows = sp.csr_array(beside.matrix)[owned]
+    def _add(self, matrix: sp.csr_array) -> None:
+        """Adds terms beside the forms in the rows that this rank owns."""
+        rows = sp.csr_array(matrix)[self.owned]
         node, component = np.divmod(rows.indices, self.components)
         columns = self.components * self.layout.number[node] + component
         csr = rows.indptr, columns, rows.data
         self.matrix.setValuesCSR(*csr, PETSc.InsertMode.ADD_VALUES)
-        self.rhs.array += beside.rhs[owned]
 
     def _upwind(self) -> None:
         """Moves max(a_ij, a_ji, 0) from the entries ij and ji to the diagonal of i and j."""
@@ -175,16 +186,14 @@ class Linear:
         change = PETSc.Mat().createAIJ(A.getSizes(), csr=csr, comm=A.comm)
         A.axpy(1.0, change, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
 
-    def _hold(self, free: Floats, value: Floats) -> tuple[PETSc.Mat, PETSc.Vec]:
-        """P A + S (1 - P) and P b + S (1 - P) g, with P the projectors and S the diagonal of A."""
+    def _hold(self, free: Floats) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat]:
+        """P A + S (1 - P), P and S (1 - P), with P the projectors and S the diagonal of A."""
         projector = self._block_diagonal(free)
         A = projector.matMult(self.matrix)
         scale = np.abs(self.matrix.getDiagonal().array).reshape(-1, self.components, 1)
         held = self._block_diagonal(scale * (np.eye(self.components) - free))
         A.axpy(1.0, held, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        known = held.createVecRight()
-        known.array = value.ravel()
-        return A, projector * self.rhs + held * known
+        return A, projector, held
 
     def _block_diagonal(self, blocks: Floats) -> PETSc.Mat:
         count, size = len(blocks), self.components

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from .body import Bodies
 from .boundary import Boundary
 from .cells import Cells, stabilisation_time
 from .points import PointSums, complete
@@ -19,15 +20,16 @@ for: where large terms cancel, rounding errors are large beside the right-hand s
 
 
 class Beside(NamedTuple):
-    """What a linear system has beside its sums over cells; every node has c unknowns in turn."""
+    """What a linear system has beside its sums over cells; every node has c unknowns in turn. There
+    may be several right-hand sides, r; the sums over cells belong to the first."""
 
     matrix: sp.csr_array
     rhs: Floats
-    """Terms of boundary and points, (n c, n c) and (n c)."""
+    """Terms of boundary and points, (n c, n c) and (r, n c)."""
     free: Floats
     value: Floats
     """Projectors on what the unknowns of a node are free to be, (n, c, c), and what they are where
-    they are not, (n, c)."""
+    they are not, (r, n, c)."""
 
 
 class FlowData(NamedTuple):
@@ -75,13 +77,14 @@ class FiniteElements(Solver):
             xi_U = self._scalar_stabilisation(k, step, wind)
             beside = self._beside_scalar(k, step, boundary, points, xi_U)
             s, residual = self._scalar(k, step, wind, xi_U, beside, report)
-            scalars.append(s[:, 0])
-            left.append(residual[:, 0])
+            scalars.append(s[0, :, 0])
+            left.append(residual[0, :, 0])
         report.scalars_s = perf_counter() - start
         data = self._flow_data(step, wind, share, points, scalars)
-        beside = self._beside_flow(step, boundary, points, data)
+        bodies = Bodies(boundary, left)
+        beside = self._beside_flow(step, boundary, points, bodies, data)
         for _ in range(problem.newton):
-            x, residual = self._flow(step, data, velocity, beside, report)
+            x, residual = bodies.release(*self._flow(step, data, velocity, beside, report))
             velocity, pressure = x[:, :-1].copy(), x[:, -1].copy()
         if boundary.closed:
             cells = self.cells
@@ -91,15 +94,16 @@ class FiniteElements(Solver):
             felt = level * cells.measure[:, None, None] * cells.gradient
             np.add.at(residual[:, :-1], cells.nodes, felt)
         report.flow_s = perf_counter() - start - report.scalars_s
-        self.next = Fields(velocity, pressure, tuple(scalars))
-        return Solution(self.next, report, boundary.balances(self.next, residual[:, :-1], left))
+        self.next, answers = Fields(velocity, pressure, tuple(scalars)), bodies.settle()
+        balances = boundary.balances(self.next, residual[:, :-1], left)
+        return Solution(self.next, report, balances, answers)
 
     @abstractmethod
     def _scalar(
         self, k: int, step: Step, wind: Floats, xi_U: Floats, beside: Beside, report: Report
     ) -> tuple[Floats, Floats]:
         """Scalar k at the end of the step, and what its equations lack there without the conditions
-        that replace some of them, A x - b, (n, 1) each. ``wind`` is u_n - u_mesh, (n, D), and
+        that replace some of them, A x - b, (1, n, 1) each. ``wind`` is u_n - u_mesh, (n, D), and
         ``xi_U`` is xi_T U, (m, D)."""
 
     @abstractmethod
@@ -107,7 +111,7 @@ class FiniteElements(Solver):
         self, step: Step, data: FlowData, about: Floats, beside: Beside, report: Report
     ) -> tuple[Floats, Floats]:
         """Velocity and pressure, the convection linearised about a velocity, and A x - b as of a
-        scalar, (n, D + 1) each."""
+        scalar, for all right-hand sides, (r, n, D + 1) each."""
 
     def _scalar_stabilisation(self, k: int, step: Step, wind: Floats) -> Floats:
         """xi_T U (A.12), (m, D); zero if monotone."""
@@ -130,22 +134,27 @@ class FiniteElements(Solver):
             rate, wall = scalar.capacity / step.dt * step.voidage, scalar.wall_coefficient
             matrix += sp.diags(volume * (rate + wall))
             rhs += volume * (rate * self.state.scalars[k] + wall * scalar.wall_value)
-        return Beside(matrix, rhs, *boundary.hold_scalar(k))
+        free, value = boundary.hold_scalar(k)
+        return Beside(matrix, rhs[None], free, value[None])
 
     def _beside_flow(
-        self, step: Step, boundary: Boundary, points: PointSums, data: FlowData
+        self, step: Step, boundary: Boundary, points: PointSums, bodies: Bodies, data: FlowData
     ) -> Beside:
-        """Boundary and points. In a closed domain the equation that is replaced must follow from
-        the others: what sums of prescribed fluxes and sources lack to balance, round-off and the
-        error of sums for integrals, is spread evenly, as by a Lagrange multiplier of the mean
-        pressure."""
+        """Boundary, points, and the right-hand sides that find how free bodies move. In a closed
+        domain the equation that is replaced must follow from the others: what sums of prescribed
+        fluxes and sources lack to balance, round-off and the error of sums for integrals, is spread
+        evenly, as by a Lagrange multiplier of the mean pressure."""
         volume, D = self.cells.nodal_volume, self.problem.dimension
         matrix, rhs = boundary.flow_terms()
         more, load = points.flow(data.xi, data.xi_U, self.problem.density, data.weight)
+        (free, value), (loads, values) = boundary.hold_flow(), bodies.responses()
+        rhs = np.stack((rhs + load, *loads))
         if boundary.closed:
-            lacking = boundary.net_flux() - volume @ step.sources.mass
-            rhs[D :: D + 1] += lacking / volume.sum() * volume
-        return Beside(matrix + more, rhs + load, *boundary.hold_flow())
+            boundary.check_net_flux()
+            excess = rhs[:, D :: D + 1].sum(axis=1)
+            excess[0] += volume @ step.sources.mass
+            rhs[:, D :: D + 1] -= np.outer(excess / volume.sum(), volume)
+        return Beside(matrix + more, rhs, free, np.stack((value, *values)))
 
     def _flow_data(
         self, step: Step, wind: Floats, share: Floats, points: PointSums, scalars: list[Floats]

@@ -67,7 +67,7 @@ class ScikitFem(FiniteElements):
             along = dot(xi_U, grad(S))
             return known * (along if lumped else S + along) + source * (S + along)
 
-        A, b = matrix.assemble(self.scalar) + beside.matrix, rhs.assemble(self.scalar) + beside.rhs
+        A, b = matrix.assemble(self.scalar) + beside.matrix, rhs.assemble(self.scalar)
         return self._solve(_upwind(A) if scalar.form == "monotone" else A, b, beside, report)
 
     def _flow(
@@ -105,38 +105,41 @@ class ScikitFem(FiniteElements):
                 + rho * xi_c * (source_p - div(solid_flux)) * div(v)
             )
 
-        A, b = matrix.assemble(self.mixed) + beside.matrix, rhs.assemble(self.mixed) + beside.rhs
+        A, b = matrix.assemble(self.mixed) + beside.matrix, rhs.assemble(self.mixed)
         return self._solve(A, b, beside, report)
 
     def _solve(
-        self, A: sp.csr_array, b: Floats, beside: Beside, report: Report
+        self, A: sp.csr_array, load: Floats, beside: Beside, report: Report
     ) -> tuple[Floats, Floats]:
-        """Solves A x = b where the nodes are free; returns x and A x - b, one row per node.
+        """Solves A x = b where the nodes are free, for every right-hand side: ``load`` and those of
+        ``beside``. Returns x and A x - b, (r, n, c) each.
 
         The conditions take the place of the equations that fall away, scaled as the diagonal that
         they had. The residual of what was solved, reported relative to the right-hand side, is that
         of the system scaled to a unit diagonal.
         """
-        free, value = beside.free, beside.value
+        free, value, b = beside.free, beside.value, beside.rhs.T.copy()
+        b[:, 0] += load
         projector = sp.bsr_array((free, np.arange(len(free)), np.arange(len(free) + 1))).tocsr()
         scale = sp.diags(np.abs(A.diagonal())) @ (sp.identity(len(b)) - projector)
-        held, known = projector @ A + scale, projector @ b + scale @ value.ravel()
+        held, known = projector @ A + scale, projector @ b + scale @ value.reshape(b.T.shape).T
         # Scaled to a unit diagonal the system hardly needs pivots, and fills little.
-        unit = 1 / np.sqrt(np.abs(held.diagonal()))
-        held, known = sp.csc_array(sp.diags(unit) @ held @ sp.diags(unit)), unit * known
+        unit = sp.diags(1 / np.sqrt(np.abs(held.diagonal())))
+        held, known = sp.csc_array(unit @ held @ unit), unit @ known
         factors = splu(
             held, "MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True}
         )
         x = factors.solve(known)
         x += factors.solve(known - held @ x)
-        residual = float(np.linalg.norm(known - held @ x) / (np.linalg.norm(known) or 1))
+        missed, size = (np.linalg.norm(each, axis=0) for each in (known - held @ x, known))
+        residual = float(np.max(missed / np.where(size > 0, size, 1)))
         if not residual <= max(self.problem.tolerance, NEARLY_SINGULAR):
             raise ArithmeticError(
                 f"the linear system is nearly singular: its relative residual is {residual:.1e}"
             )
         report.iterations, report.residual = report.iterations + 1, residual
-        x *= unit
-        return x.reshape(value.shape), (A @ x - b).reshape(value.shape)
+        x = unit @ x
+        return x.T.reshape(value.shape), (A @ x - b).T.reshape(value.shape)
 
 
 def _upwind(A: sp.csr_array) -> sp.csr_array:

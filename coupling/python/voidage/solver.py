@@ -51,6 +51,58 @@ class Open:
 
 
 @dataclass(frozen=True)
+class Free:
+    """A body whose velocity U is found with the fluid: inertia U = force + force of the fluid."""
+
+    inertia: Floats
+    """kg/s (kg/s/m in the plane), (D, D)."""
+    force: Floats
+    """N (N/m in the plane), (D)."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """A body whose velocity is given, m/s, (D)."""
+
+    velocity: Floats
+
+
+BodyMotion = Free | Held
+
+
+@dataclass(frozen=True)
+class Evaporation:
+    """How a body boils: the rate of the heat that it gets over ``latent``."""
+
+    scalar: int | None
+    """Number of the scalar that is the temperature; None where the fluid brings no heat."""
+    heat: float
+    """Heat from elsewhere, W (W/m in the plane)."""
+    latent: float
+    """Heat that a volume of vapour takes, J/m3."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A closed part of the boundary that moves as a rigid body, grows or shrinks, and lets vapour
+    out (:mod:`voidage.body`)."""
+
+    centre: Floats
+    """m, (D)."""
+    radius: float
+    """m."""
+    expansion: float
+    """Rate of the radius, m/s."""
+    motion: BodyMotion
+    evaporation: Evaporation | None
+    """None if it does not boil."""
+    solid: Floats
+    """Solid that passes the surface into the body, as it acts in the equation of mass: the integral
+    of solid v . n q for the q of every node of every facet, m3/s (m2/s in the plane), (k, D).
+    Without rows if there is none."""
+
+
+@dataclass(frozen=True)
 class Value:
     """Prescribed scalar, one number or one per node of the mesh."""
 
@@ -77,7 +129,7 @@ class Outflow:
     outside: float | None
 
 
-Flow = Velocity | SuperficialVelocity | NoSlip | Slip | Open
+Flow = Velocity | SuperficialVelocity | NoSlip | Slip | Open | Body
 ScalarCondition = Value | Transfer | Insulated | Outflow
 
 
@@ -241,7 +293,7 @@ class Balance:
     """What passes a named part of the boundary in a step; in the plane all per metre of depth."""
 
     flux: float
-    """Volume that leaves: of fluid, where a wall moves of the whole mixture, m3/s."""
+    """Volume that leaves: of fluid, where a wall or a body moves of the whole mixture, m3/s."""
     force: Floats
     """Of the fluid on the part; of an open one with the momentum that entering fluid takes up, N,
     (D)."""
@@ -252,6 +304,16 @@ class Balance:
     """What leaves of each scalar with the fluid: capacity times value times flux, W for heat."""
 
 
+@dataclass(frozen=True)
+class BodyAnswer:
+    """What a body does in a step."""
+
+    velocity: Floats
+    """U, m/s, (D)."""
+    vapour: float
+    """Volume of vapour that leaves it, m3/s (m2/s in the plane)."""
+
+
 @dataclass
 class Report:
     """What a step cost."""
@@ -259,7 +321,8 @@ class Report:
     iterations: int = 0
     """Linear iterations or refinements, summed over the systems of the step."""
     residual: float = 0.0
-    """Relative residual of the last flow system."""
+    """Relative residual of the last flow system, with bodies the largest of its right-hand
+    sides."""
     flow_s: float = 0.0
     scalars_s: float = 0.0
 
@@ -273,6 +336,8 @@ class Solution:
     report: Report = field(default_factory=Report)
     balances: Mapping[str, Balance] = field(default_factory=dict)
     """By part of the boundary; empty if the solver does not compute them."""
+    bodies: Sequence[BodyAnswer] = ()
+    """In the order of the conditions; empty if the solver does not know bodies."""
 
 
 class Solver(ABC):

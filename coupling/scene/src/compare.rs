@@ -6,6 +6,7 @@ use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
 use voidage_coupling::error::Result;
 use voidage_coupling::exchange::{OnMesh, force_at, given_at};
 use voidage_fluid::balance::Balance;
+use voidage_fluid::body::BodyAnswer;
 use voidage_fluid::flow::State;
 use voidage_fluid::{Mesh, Vector};
 
@@ -115,6 +116,7 @@ impl<const D: usize> SideBySide<D> {
             let (lower, upper) = mesh.bounds();
             let driver = speed * (upper - lower).norm().powi(D as i32 - 1);
             differences.extend(at_boundary(&self.scalars, driver, &ours.balances, &solution.balances));
+            differences.extend(of_bodies((speed, driver), &ours.bodies, &solution.bodies));
             self.pending.push(Finding { step: step.number, solver: name.clone(), differences });
         }
         Ok(())
@@ -231,6 +233,25 @@ fn at_boundary<const D: usize>(
     found
 }
 
+/// Differences of what the bodies do; NaN where a solver does not say it. The drivers are those of velocity and flux.
+fn of_bodies<const D: usize>(
+    (speed, flux): (f64, f64),
+    a: &[BodyAnswer<D>],
+    b: &[BodyAnswer<D>],
+) -> Vec<Difference> {
+    if a.is_empty() {
+        return Vec::new();
+    }
+    let unknown = BodyAnswer { velocity: Vector::repeat(f64::NAN), vapour: f64::NAN };
+    let b: Vec<_> = (0..a.len()).map(|i| b.get(i).copied().unwrap_or(unknown)).collect();
+    let velocity = [a, &b].map(|all| all.iter().map(|body| body.velocity).collect::<Vec<_>>());
+    let vapour = [a, &b].map(|all| all.iter().map(|body| body.vapour).collect::<Vec<_>>());
+    vec![
+        vectors("body velocity", &velocity[0], &velocity[1], speed),
+        numbers("vapour of bodies", &vapour[0], &vapour[1], flux),
+    ]
+}
+
 fn vectors<const D: usize>(quantity: &str, a: &[Vector<D>], b: &[Vector<D>], driver: f64) -> Difference {
     difference(quantity, a.len(), |i| (a[i].norm(), (a[i] - b[i]).norm()), driver)
 }
@@ -273,6 +294,14 @@ mod tests {
         let found = numbers("u", &[0.0, 1e-16], &[1e-16, 0.0], 1.0);
         assert!(found.max < 1.1e-12 && found.max > 0.0);
         assert_eq!(numbers("u", &[0.0], &[0.0], 0.0).max, 0.0);
+    }
+
+    #[test]
+    fn a_solver_that_says_nothing_of_bodies_does_not_pass() {
+        let body = BodyAnswer { velocity: Vector::<2>::zeros(), vapour: 1.0 };
+        assert!(of_bodies((1.0, 1.0), &[body], &[body]).iter().all(|found| found.max == 0.0));
+        assert!(of_bodies((1.0, 1.0), &[body], &[]).iter().all(|found| found.max.is_nan()));
+        assert!(of_bodies::<2>((1.0, 1.0), &[], &[]).is_empty());
     }
 
     #[test]
