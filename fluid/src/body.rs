@@ -245,17 +245,22 @@ impl<const D: usize> Bodies<D> {
             return Ok(());
         }
         let pattern = &system.matrix.pattern;
-        let forces = |rows: &dyn Fn(&mut dyn FnMut(usize, [f64; B]))| {
+        // The forces at a solution; without the right-hand sides, how they grow with it.
+        let forces = |x: &[f64], growth: bool| {
             let mut sum = vec![Vector::<D>::zeros(); self.surfaces.len()];
-            rows(&mut |node, row| {
+            let add = |node: usize, row: [f64; B]| {
                 let owner = self.surfaces.iter().position(|s| s.condition as u32 == held[node]);
                 if let Some(owner) = owner {
                     sum[owner] -= Vector::from_fn(|i, _| row[i]);
                 }
-            });
+            };
+            match growth {
+                true => kept.products(pattern, x, add),
+                false => kept.reactions(pattern, x, add),
+            }
             DVector::from_fn(unknowns, |k, _| sum[free[k / D]][k % D])
         };
-        let still = forces(&|f| kept.reactions(pattern, x, f));
+        let still = forces(x, false);
         let (mut matrix, mut right) = (DMatrix::zeros(unknowns, unknowns), still);
         for (k, &surface) in free.iter().enumerate() {
             let Some(Body { motion: BodyMotion::Free { inertia, force }, .. }) =
@@ -289,7 +294,7 @@ impl<const D: usize> Bodies<D> {
                 boundary::spread(geometry, &mut self.rhs);
             }
             solve(system, &self.rhs, response)?;
-            let slope = forces(&|f| kept.products(pattern, response, f));
+            let slope = forces(response, true);
             matrix.column_mut(k).axpy(-1.0, &slope, 1.0);
         }
         let velocity = matrix.lu().solve(&right).filter(|u| u.iter().all(|u| u.is_finite()));

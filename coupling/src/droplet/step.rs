@@ -24,7 +24,7 @@ const LEAST_GAP: f64 = 0.02;
 const CLOSES: f64 = 0.75;
 
 /// Stiffness of what stops a droplet, in its inertia.
-const STOP: f64 = 1e12;
+const STOP: f64 = 1e8;
 
 /// Share of its measure that a cell must keep when the droplet moves.
 const LEAST_MEASURE: f64 = 0.1;
@@ -218,7 +218,7 @@ impl<const D: usize> Droplet<D> {
         let (answer, density) = (self.answer, self.material.water.density);
         let rate = answer.vapour * self.material.vapour_density;
         let state = &mut self.state;
-        state.volume = state.volume + dt * (answer.through + answer.vapour - rate / density);
+        state.volume += dt * (answer.through + answer.vapour - rate / density);
         // The last step of its life may ask for more than there is.
         let boils = (dt * rate / density).min(state.liquid);
         state.boiled += boils;

@@ -212,6 +212,8 @@ fn bed_pressure(rings: usize) -> Result<f64> {
         scalars: vec![],
     };
     let mut set = FluidSet::new(1e-6, 1e-6);
+    // Where drag outweighs all else, a stabilisation that does not know it takes the place of the equation of mass.
+    set.properties.drag_in_stabilisation = true;
     let evaporation = Evaporation { scalar: None, heat: blowing * perimeter, latent: 1.0 };
     let FlowCondition::Body(disc) = body(BodyMotion::Held(Vec2::zeros())) else { return Ok(f64::NAN) };
     let disc = Body { evaporation: Some(evaporation), ..disc };
