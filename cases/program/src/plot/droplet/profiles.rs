@@ -64,7 +64,7 @@ fn at_height(points: &[(f64, f64)], height: f64) -> Option<(f64, f64)> {
     points.windows(2).find_map(|pair| {
         let [(from, low), (to, high)] = [pair[0], pair[1]];
         let share = (height - low) / (high - low);
-        (0.0..=1.0).contains(&share).then(|| (from + share * (to - from), height))
+        (0.0..=1.0).contains(&share).then_some((from + share * (to - from), height))
     })
 }
 
