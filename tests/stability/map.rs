@@ -152,7 +152,7 @@ fn a_step_in_which_grains_fly_is_cut() {
         assert!(once.parts == 1 && once.travel > 0.5, "{scheme}: {once:?} tests nothing");
         let mut errors = vec![off(&far)];
         for travel in [0.5, 0.125] {
-            let (places, cut, given) = flown(scheme, Some(Cutting { travel }), 1);
+            let (places, cut, given) = flown(scheme, Some(Cutting { travel, ..Cutting::default() }), 1);
             assert!(cut.converged && cut.parts > 1 && cut.travel <= travel, "{scheme}: {cut:?}");
             assert!((given - 1.0).abs() < 1e-9, "{scheme}: {given}");
             errors.push(off(&places));

@@ -126,7 +126,7 @@ fn a_step_in_parts_reports_what_passes_in_all_of_them() {
     let first = balances(&halves);
     halves.step().expect("a step");
     let (second, travel) = (balances(&halves), 1.2 * fastest(&halves));
-    let cutting = Some(voidage_coupling::scheme::cut::Cutting { travel });
+    let cutting = Some(voidage_coupling::scheme::cut::Cutting { travel, ..Default::default() });
     let scheme = voidage_coupling::scheme::SchemeName::Henry;
     cut.coupled_mut().set_scheme(scheme.build(&Default::default(), cutting));
     let report = cut.step().expect("a step");
