@@ -208,7 +208,7 @@ fn constrain_normals<const D: usize, const B: usize>(
 
 /// In a closed domain nothing sets the level of the pressure, and the equations of mass add up to a condition on what is
 /// prescribed: what passes `through` the boundary, and sources. What the right-hand sides lack of it, round-off and the error of sums for integrals, is
-/// spread evenly over the domain as by a Lagrange multiplier of the mean pressure ([`spread`]). The equation of the first node then follows from the
+/// spread evenly over the domain as by a Lagrange multiplier of the mean pressure. The equation of the first node then follows from the
 /// others, and its pressure can be held in its place (the caller moves the mean to zero).
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! A droplet that boils in hot grains (Henry et al., section 4).
 //!
 //! The droplet is a hole in the mesh of the gas: the polygon of its nodes, of area pi r^2 ([`surface`]). For the gas it is a
-//! [`Body`]: what it boils by and how it moves are found with the gas, from the reactions of the discrete equations. Grains pass its surface
+//! [`Body`](voidage_fluid::body::Body): what it boils by and how it moves are found with the gas, from the reactions of the discrete equations. Grains pass its surface
 //! freely and are cut by it ([`wet`]).
 //!
 //! ```text
