@@ -75,10 +75,11 @@ pub(super) fn walls(scene: &Scene) -> Checked {
 /// Checks of the values, with defaults filled in.
 pub(super) fn values(scene: &Scene) -> Checked {
     time(scene)?;
+    // Before the fluid: a hole that no droplet claims would there be a boundary without conditions.
+    scene.droplet.as_ref().map_or(Ok(()), |droplet| fluid::droplet(scene, droplet))?;
     if let Some(fluid) = &scene.fluid {
         fluid::check(scene, fluid)?;
     }
-    scene.droplet.as_ref().map_or(Ok(()), |droplet| fluid::droplet(scene, droplet))?;
     if let Some(coupling) = &scene.coupling {
         iteration(scene, &coupling.iteration)?;
         if let Some(cut) = coupling.cut {
