@@ -373,7 +373,10 @@ fn mistakes_of_a_droplet_are_named() {
         (["scalars = { vapour = 1.0 }", "scalars = { steam = 1.0 }"], ["steam", "there are: vapour"]),
         (["flow = \"open\"", "flow = \"slip\""], ["no way out", "flow = \"open\""]),
         (["[droplet]", boundary], ["has a table in `[[fluid.boundaries]]`", "take that away"]),
-        (["boundary = \"droplet\"", "boundary = \"droplet\"\nheld = 1"], ["droplet.held", "expected a boolean"]),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\nheld = 1"],
+            ["droplet.held", "expected a boolean"],
+        ),
     ] {
         let folder = tempfile::tempdir().unwrap();
         assert!(DROPLET.contains(change[0]), "{}", change[0]);
