@@ -55,7 +55,7 @@ enum Command {
         #[arg(long = "set", value_name = "KEY=VALUE")]
         sets: Vec<String>,
     },
-    /// Draw the pictures of a run again from the files in its folder; with more folders, those that compare the droplets of runs.
+    /// Draw the pictures of a run again from the files in its folder; with more folders, or --out, those that compare the droplets of runs.
     Plot {
         /// Folders of runs.
         #[arg(required = true, value_name = "FOLDER")]

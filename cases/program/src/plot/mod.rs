@@ -22,7 +22,8 @@ use voidage_scene::recorder::Summary;
 /// Which folders have pictures.
 pub const FOLDER: &str = "give the folder of a run (its option --out)";
 
-/// Draws the pictures of one run into its folder, or those that compare several into another, by default the current one.
+/// Draws the pictures of one run into its folder; or those that compare runs, where there are several or another folder is given, into that or the
+/// current one.
 pub fn plot(folders: &[PathBuf], out: Option<&Path>) -> Result<Vec<PathBuf>> {
     match (folders, out) {
         ([folder], None) => {
@@ -32,10 +33,6 @@ pub fn plot(folders: &[PathBuf], out: Option<&Path>) -> Result<Vec<PathBuf>> {
                 return Err(Error::input(Notice::new(what, FOLDER)));
             }
             Ok(drawn)
-        }
-        ([_], Some(out)) => {
-            let what = format!("--out {}: pictures of one run go into its folder", out.display());
-            Err(Error::input(Notice::new(what, "leave it out, or give several folders to compare")))
         }
         _ => droplet::compare::draw(folders, out.unwrap_or(Path::new("."))),
     }

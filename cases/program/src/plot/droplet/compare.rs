@@ -12,6 +12,9 @@ use voidage_scene::recorder::create_folder;
 /// 0 degrees Celsius, K.
 const CELSIUS: f64 = 273.15;
 
+/// Room beside the coolest and the hottest bed, K.
+const BESIDE: f64 = 20.0;
+
 /// Draws the curves of runs, from the files in their folders, into a folder.
 pub fn draw(folders: &[PathBuf], out: &Path) -> Result<Vec<PathBuf>> {
     let read: Vec<(Scene, Table)> = folders.iter().map(|folder| read(folder)).collect::<Result<_>>()?;
@@ -88,7 +91,10 @@ fn depths(out: &Path, runs: &[(&PathBuf, Run)]) -> Result<Option<PathBuf>> {
         curves: vec![
             Curve::joined("at the end", last),
             Curve::known("deepest", deepest),
-            Curve::dashes("surface of the bed at time zero", vec![(coolest, 0.0), (hottest, 0.0)]),
+            Curve::dashes(
+                "surface of the bed at time zero",
+                vec![(coolest - BESIDE, 0.0), (hottest + BESIDE, 0.0)],
+            ),
         ],
         ..Panel::new("", "temperature of the bed at time zero (\u{b0}C)", "depth of the lowest point h / D")
     };
