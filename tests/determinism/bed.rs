@@ -15,13 +15,7 @@ fn bits(threads: usize, scheme: &str) -> Vec<u64> {
         for _ in 0..25 {
             simulation.step().expect("a step");
         }
-        simulation.refresh().expect("fields");
-        let view = simulation.view();
-        let (grains, fluid) = (view.grains.expect("grains"), view.fluid.expect("fluid"));
-        let vectors = grains.position.iter().chain(grains.velocity).chain(&fluid.fields.velocity);
-        let scalars = grains.temperature.expect("heat").iter().chain(&fluid.fields.pressure);
-        let all = vectors.flat_map(|v| [v.x, v.y]).chain(scalars.copied());
-        all.map(f64::to_bits).collect()
+        voidage_tests::bits(&mut simulation)
     })
 }
 

@@ -3,13 +3,11 @@
 use super::surface::Surface;
 use super::wet::{Immersion, Settled, Stream};
 use super::{Answer, Droplet, DropletState};
+use crate::scheme::anchored::RETURNED;
 use crate::{Error, Notice, Result};
 use voidage_fluid::balance::Balance;
 use voidage_fluid::body::{Body, BodyAnswer, BodyMotion, Evaporation};
 use voidage_fluid::{Mesh, Vector};
-
-/// Share of what is carried that is given back in a step.
-const RETURNED: f64 = 0.5;
 
 /// Share of the first liquid below which a droplet vanishes.
 const VANISHES: f64 = 1e-3;
@@ -208,7 +206,7 @@ impl<const D: usize> Droplet<D> {
     /// in such a droplet, m2, and its growth with the radius, m.
     ///
     /// # Errors
-    /// A cell of the mesh would turn over.
+    /// A cell of the mesh would turn over; no radius fits the volumes.
     pub(crate) fn accept(
         &mut self,
         dt: f64,
@@ -266,7 +264,7 @@ impl<const D: usize> Droplet<D> {
 
 /// The radius r with pi r^2 = liquid + solid(r), from a guess: by Newton's method, kept between the radius of the liquid alone and twice the guess.
 fn radius(liquid: f64, guess: f64, solid: impl Fn(f64) -> (f64, f64)) -> Result<f64> {
-    const STEPS: usize = 50;
+    const STEPS: usize = 100;
     let pi = std::f64::consts::PI;
     let (mut low, mut high, mut radius) = ((liquid / pi).sqrt(), 2.0 * guess, guess);
     for _ in 0..STEPS {
@@ -288,5 +286,10 @@ fn radius(liquid: f64, guess: f64, solid: impl Fn(f64) -> (f64, f64)) -> Result<
         }
         radius = next;
     }
-    Ok(radius)
+    // Rounding errors of many cut grains may keep the steps from coming to rest; what they leave must be small.
+    let whole = pi * radius * radius;
+    match (whole - liquid - solid(radius).0).abs() <= 1e-12 * whole {
+        true => Ok(radius),
+        false => Err(Error::run(format!("no radius holds {liquid:e} m2 of liquid and the grains in it"))),
+    }
 }

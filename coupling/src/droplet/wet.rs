@@ -256,7 +256,7 @@ impl<const D: usize> Wet<D> {
 
     /// Takes what the grains are expected to do: response w (m/s), momentum mobility M (s/kg) and temperature T* (K) of each, by its number, gamma_w (kg/s)
     /// and hA_w (W/K).
-    pub fn expect(&mut self, law: impl Fn(usize, f64, f64) -> (Vector<D>, f64, f64)) {
+    pub fn set_law(&mut self, law: impl Fn(usize, f64, f64) -> (Vector<D>, f64, f64)) {
         for wet in &mut self.grains {
             (wet.response, wet.mobility, wet.temperature) = law(wet.grain as usize, wet.drag, wet.transfer);
         }

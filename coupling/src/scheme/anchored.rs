@@ -123,7 +123,7 @@ const HELD: f64 = 1e-3;
 const CALM: f64 = 1e-2;
 
 /// eta: the share of what is carried that the fluid gets back in a step.
-const RETURNED: f64 = 0.5;
+pub(crate) const RETURNED: f64 = 0.5;
 
 /// The shares theta of momentum and flux.
 fn shares<const D: usize>(bond: Bond, cautious: bool) -> [f64; 2] {
@@ -202,7 +202,7 @@ impl Anchor {
         let Interaction { wet, load, .. } = interaction;
         if let Some(wet) = wet {
             let (velocity, temperature) = (grains.mean_velocity(), grains.mean_temperature());
-            wet.expect(|i, _, _| {
+            wet.set_law(|i, _, _| {
                 (velocity[i], load.mobility[i], temperature.get(i).copied().unwrap_or_default())
             });
         }

@@ -48,7 +48,7 @@ fn expect_in_water<const D: usize>(
 ) {
     let (Some(wet), Some(stream)) = (&mut interaction.wet, stream) else { return };
     let particles = &grains.particles;
-    wet.expect(|i, drag, transfer| {
+    wet.set_law(|i, drag, transfer| {
         let inertia = particles.mass[i] / dt;
         let mobility = if particles.held(i) { 0.0 } else { 1.0 / (inertia + drag) };
         let moves = (stream.velocity - particles.velocity[i]) * (mobility * drag);

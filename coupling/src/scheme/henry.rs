@@ -69,6 +69,6 @@ pub(super) fn predict<const D: usize>(
     }
     if let Some(wet) = wet {
         let temperature = |i| load.heat.as_ref().map_or(0.0, |law| law.expected(at, i));
-        wet.expect(|i, _, _| (load.expected(at, i), load.mobility[i], temperature(i)));
+        wet.set_law(|i, _, _| (load.expected(at, i), load.mobility[i], temperature(i)));
     }
 }
