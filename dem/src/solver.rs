@@ -148,6 +148,9 @@ struct Look {
 /// Share of the bound of friction up to which a contact sticks.
 const STICKS: f64 = 1.0 - 1e-9;
 
+/// Share of its cohesion that rounding may leave of what a contact presses with that gives way.
+const ROUNDING: f64 = 1e-12;
+
 /// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten nanoseconds.
 pub(crate) const FORK: usize = 10_000;
 /// Contacts of a colour above which its tiles do: a sweep takes some thirty nanoseconds for each, many times a step.
@@ -406,9 +409,13 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    /// What a contact presses with, cohesion included, N s.
+    /// What a contact presses with, cohesion included, N s; 0 for one that gives way, which pulls with its cohesion but for
+    /// rounding.
+    #[inline(always)]
     pub fn pressed(&self, k: usize, c: &Contact<D>) -> f64 {
-        c.impulse.dot(&c.normal) + self.cohesion.get(k).copied().unwrap_or(0.0)
+        let cohesion = self.cohesion.get(k).copied().unwrap_or(0.0);
+        let pressed = c.impulse.dot(&c.normal) + cohesion;
+        if pressed > ROUNDING * cohesion { pressed } else { 0.0 }
     }
 
     /// Where the surface of the first grain is at a contact.
