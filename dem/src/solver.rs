@@ -31,15 +31,11 @@ use crate::momentum::Momentum;
 use crate::space::Vector;
 use rayon::prelude::*;
 use runs::Measure;
+pub(crate) use tiles::Tiles;
+use tiles::{NOTHING, Sums, add, over_colours, over_tiles};
 
 mod runs;
-
-/// Ranges of contacts: tile k holds starts[k] .. starts[k + 1]; colour c the tiles colours[c] .. colours[c + 1].
-#[derive(Default)]
-pub(crate) struct Tiles {
-    pub starts: Vec<u32>,
-    pub colours: Vec<usize>,
-}
+mod tiles;
 
 /// The contact problem of one sub-step.
 #[derive(Default)]
@@ -153,9 +149,6 @@ const ROUNDING: f64 = 1e-12;
 
 /// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten nanoseconds.
 pub(crate) const FORK: usize = 10_000;
-/// Contacts of a colour above which its tiles do: a sweep takes some thirty nanoseconds for each, many times a step.
-const FORK_CONTACTS: usize = 5_000;
-
 /// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the
 /// difference that a sweep makes up.
 ///
@@ -172,46 +165,6 @@ const FOLLOW: f64 = 0.05;
 /// to the first seconds.
 const CLOSING_BODIES: usize = 10_000;
 const UNSOLVED_BODIES: usize = 1000;
-
-/// What a pass over the contacts adds up, and the largest of a last number.
-type Sums = ([f64; 5], f64);
-
-const NOTHING: Sums = ([0.0; 5], 0.0);
-
-#[inline(always)]
-fn add(a: Sums, b: Sums) -> Sums {
-    (std::array::from_fn(|k| a.0[k] + b.0[k]), a.1.max(b.1))
-}
-
-/// Calls `f(contacts, last, first)` on each tile, halving the range of tiles, in parallel above `fork` contacts.
-fn over_tiles<const D: usize, F>(
-    starts: &[u32],
-    contacts: &mut [Contact<D>],
-    last: &mut [Vector<D>],
-    fork: usize,
-    f: &F,
-) -> Sums
-where
-    F: Fn(&mut [Contact<D>], &mut [Vector<D>], usize) -> Sums + Sync,
-{
-    let tiles = starts.len() - 1;
-    if tiles <= 1 {
-        return f(contacts, last, starts[0] as usize);
-    }
-    let middle = tiles / 2;
-    let cut = (starts[middle] - starts[0]) as usize;
-    let (left, right) = contacts.split_at_mut(cut);
-    let (past, later) = last.split_at_mut(cut.min(last.len()));
-    let (first, second) = (&starts[..=middle], &starts[middle..]);
-    if left.len() + right.len() > fork && rayon::current_num_threads() > 1 {
-        let (a, b) = rayon::join(
-            || over_tiles(first, left, past, fork, f),
-            || over_tiles(second, right, later, fork, f),
-        );
-        return add(a, b);
-    }
-    add(over_tiles(first, left, past, fork, f), over_tiles(second, right, later, fork, f))
-}
 
 impl<const D: usize> Problem<D> {
     /// Solves with the law that the scene needs, chosen once.
@@ -452,26 +405,6 @@ impl<const D: usize> Problem<D> {
         };
         over_colours(&self.tiles, &mut self.contacts, &mut [], tile);
     }
-}
-
-/// Tiles colour by colour: those of one colour may run at once. `last` is empty or as long as the contacts.
-fn over_colours<const D: usize, F>(
-    tiles: &Tiles,
-    contacts: &mut [Contact<D>],
-    last: &mut [Vector<D>],
-    f: F,
-) -> Sums
-where
-    F: Fn(&mut [Contact<D>], &mut [Vector<D>], usize) -> Sums + Sync,
-{
-    let mut sums = NOTHING;
-    for colour in tiles.colours.windows(2).filter(|c| c[0] < c[1]) {
-        let starts = &tiles.starts[colour[0]..=colour[1]];
-        let range = starts[0] as usize..starts[starts.len() - 1] as usize;
-        let past = if last.is_empty() { 0..0 } else { range.clone() };
-        sums = add(sums, over_tiles(starts, &mut contacts[range], &mut last[past], FORK_CONTACTS, &f));
-    }
-    sums
 }
 
 /// The smaller radius of a contact, m; walls have none.
