@@ -8,15 +8,15 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// An f64 that several threads may hold.
 #[derive(Default)]
-struct Shared(AtomicU64);
+pub(crate) struct Shared(AtomicU64);
 
 impl Shared {
     #[inline(always)]
-    fn get(&self) -> f64 {
+    pub fn get(&self) -> f64 {
         f64::from_bits(self.0.load(Relaxed))
     }
     #[inline(always)]
-    fn set(&self, value: f64) {
+    pub fn set(&self, value: f64) {
         self.0.store(value.to_bits(), Relaxed);
     }
 }

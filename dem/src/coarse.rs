@@ -58,19 +58,19 @@ pub(crate) struct Coarse<const D: usize> {
     scales: Vec<f64>,
 }
 
-/// An impulse in few bytes: columns, and impulses to go back to, need not be exact.
-pub(crate) type Kept<const D: usize> = [f32; D];
+/// A change of an impulse in few bytes: columns need not be exact.
+type Kept<const D: usize> = [f32; D];
 
 /// Brings impulses from N s to the middle of the range of single precision: those of grains of a micrometre and of a
 /// metre fit.
 const RANGE: f64 = 1e12;
 
-pub(crate) fn keep<const D: usize>(p: &Vector<D>) -> Kept<D> {
+fn keep<const D: usize>(p: &Vector<D>) -> Kept<D> {
     std::array::from_fn(|a| (p[a] * RANGE) as f32)
 }
 
 #[inline(always)]
-pub(crate) fn kept<const D: usize>(p: &Kept<D>) -> Vector<D> {
+fn kept<const D: usize>(p: &Kept<D>) -> Vector<D> {
     Vector::from_fn(|a, _| f64::from(p[a]) / RANGE)
 }
 
@@ -93,7 +93,7 @@ const CHUNKS: usize = 4;
 impl<const D: usize> Coarse<D> {
     /// Lays the nodes of another problem, whose contacts lie between two corners, and forgets the changes. The room for them, and for the impulses before a
     /// correction, is given back when many problems in a row have done without.
-    pub fn restart(&mut self, contacts: [Vector<D>; 2], radius: &[f64], uncorrected: &mut Vec<Kept<D>>) {
+    pub fn restart(&mut self, contacts: [Vector<D>; 2], radius: &[f64], uncorrected: &mut Vec<Vector<D>>) {
         self.idle += 1;
         if self.idle == IDLE {
             self.changes = Default::default();
@@ -141,14 +141,10 @@ impl<const D: usize> Coarse<D> {
         self.nodes.reach_far()
     }
 
-    /// Finds the factors; returns the energy that they would take away: a lower bound of the energy of the velocity
-    /// error, J.
+    /// Energy that factors of the impulses would take away: a lower bound of the energy of the velocity error, J. Those of
+    /// changes count only in corrections: near the solution they lead out of Coulomb's law and claim what is no error.
     pub fn measure<L: Law>(&mut self, problem: &Problem<D>) -> f64 {
-        if self.known > usize::from(self.marked) {
-            self.find::<L, COLUMNS>(problem)
-        } else {
-            self.find::<L, 1>(problem)
-        }
+        self.find::<L, 1>(problem)
     }
 
     /// Finds the factors of F columns, and the energy that they would take away, J.
@@ -168,17 +164,21 @@ impl<const D: usize> Coarse<D> {
         self.fresh = false;
     }
 
-    /// Corrects the impulses and the velocities; `free` sets those without contacts.
-    pub fn correct<L: Law>(&mut self, problem: &mut Problem<D>, free: &dyn Fn(&Bodies<D>)) {
+    /// Corrects the impulses and the velocities, if there are factors; `free` sets those without contacts.
+    pub fn correct<L: Law>(&mut self, problem: &mut Problem<D>, free: &dyn Fn(&Bodies<D>)) -> bool {
         self.idle = 0;
-        if !self.fresh {
-            self.measure::<L>(problem);
+        if self.known > usize::from(self.marked) {
+            self.find::<L, COLUMNS>(problem);
+        } else if !self.fresh {
+            self.find::<L, 1>(problem);
         }
-        if std::mem::take(&mut self.fresh) && self.bound() {
+        let corrects = std::mem::take(&mut self.fresh) && self.bound();
+        if corrects {
             self.apply::<L>(problem);
             free(&problem.bodies);
             problem.apply_impulses();
         }
+        corrects
     }
 
     /// Columns in use.

@@ -183,7 +183,7 @@ impl<const D: usize> Dem<D> {
             let (wanted, most) = (self.substeps(left, load), self.settings.max_substeps - report.substeps);
             let count = wanted.min(most).max(1);
             let h = left / count as f64;
-            self.substep(h, load, count == 1, &mut report);
+            self.substep([h, dt], load, count == 1, &mut report);
             if count < wanted {
                 // Grains that their contacts hold have not gone where forces alone would have taken them.
                 report.converged &= self.travel(h, |i| self.particles.velocity[i].norm_squared()) <= 1.0;
@@ -219,12 +219,12 @@ impl<const D: usize> Dem<D> {
         (self.after, self.conductor) = (vec![], Conductor::default());
     }
 
-    fn substep(&mut self, h: f64, load: &Load<'_, D>, last: bool, report: &mut StepReport) {
+    fn substep(&mut self, [h, step]: [f64; 2], load: &Load<'_, D>, last: bool, report: &mut StepReport) {
         self.placed.clear();
         self.placed.extend(self.walls.iter().map(|w| Placed::new(w, self.time, h)));
-        self.solve_contacts(h, load, report);
+        self.solve_contacts([h, step], load, report);
         self.exchange_heat(h, load, report);
-        self.move_grains(h, load, last, report);
+        self.move_grains([h, step], load, last, report);
     }
 
     /// Heat from outside and through contacts, with the forces of this sub-step.
@@ -280,7 +280,7 @@ impl<const D: usize> Dem<D> {
     }
 
     /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.
-    fn move_grains(&mut self, h: f64, load: &Load<'_, D>, last: bool, report: &mut StepReport) {
+    fn move_grains(&mut self, [h, step]: [f64; 2], load: &Load<'_, D>, last: bool, report: &mut StepReport) {
         let n = self.particles.len();
         let mut problem = std::mem::take(&mut self.problem);
         let search = std::mem::take(&mut self.search);
@@ -288,7 +288,9 @@ impl<const D: usize> Dem<D> {
         scene.set_free(&search.grid.grain_of, &problem.bodies);
         problem.apply_impulses();
         let (repair, outcome) = match repair::needed(&problem) {
-            true => repair::repair(&mut problem, &scene, &search.grid.grain_of, &self.stopping(h, load)),
+            true => {
+                repair::repair(&mut problem, &scene, &search.grid.grain_of, &self.stopping([h, step], load))
+            }
             false => Default::default(),
         };
         report.sweeps += outcome.sweeps;

@@ -67,7 +67,7 @@ impl<const D: usize> Default for Settings<D> {
         gravity[D - 1] = -9.81;
         Self {
             gravity,
-            tolerance: 1e-3,
+            tolerance: 2e-2,
             max_sweeps: 1000,
             max_travel: 0.5,
             max_substeps: 1000,

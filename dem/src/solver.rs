@@ -24,18 +24,22 @@
 //! the result is the same bit for bit on any number of threads, and without threads.
 
 use crate::bodies::Bodies;
-use crate::coarse::{Coarse, Kept};
+use crate::coarse::Coarse;
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
 use crate::interior::{self, Free, Friction};
 use crate::momentum::Momentum;
 use crate::space::Vector;
-use rayon::prelude::*;
+use awake::Awake;
 use runs::Measure;
 pub(crate) use tiles::Tiles;
-use tiles::{NOTHING, Sums, add, over_colours, over_tiles};
+use tiles::{FORK_CONTACTS, NOTHING, Sums, add, over_colours, over_tiles};
 
+use trend::Trend;
+
+mod awake;
 mod runs;
 mod tiles;
+mod trend;
 
 /// The contact problem of one sub-step.
 #[derive(Default)]
@@ -53,12 +57,10 @@ pub(crate) struct Problem<const D: usize> {
     pub friction: bool,
     /// What friction may reach at each contact once strong friction lags, N s; empty before, and where none is strong.
     bounds: Vec<f64>,
-    /// Impulses before the last sweep, and velocities; empty without momentum.
-    last: Vec<Vector<D>>,
-    last_velocity: Vec<Vector<D>>,
-    last_surface: Vec<f64>,
+    awake: Awake<D>,
+    trend: Trend<D>,
     /// Impulses before the last correction over long distances.
-    uncorrected: Vec<Kept<D>>,
+    uncorrected: Vec<Vector<D>>,
     coarse: Coarse<D>,
 }
 
@@ -80,6 +82,9 @@ pub(crate) struct Stopping {
     pub floor: f64,
     /// Energy below which errors mean nothing, J.
     pub negligible: f64,
+    /// Length of the sub-step, s, and whether it is the whole step.
+    pub step: f64,
+    pub whole: bool,
     /// Speed at which a contact may close beyond its gap over the smaller radius, 1/s.
     pub closing: f64,
     /// Whether to go on by the interior-point method where sweeps do not suffice.
@@ -110,6 +115,12 @@ pub(crate) struct Outcome {
     pub error: f64,
     /// Energy of the changes of the velocities in the sub-step over the same.
     changed: f64,
+    /// Energy of the error, of what is smooth of it where that was measured, what may be left of it, and what may be when it has
+    /// settled, J.
+    energy: f64,
+    smooth: f64,
+    goal: f64,
+    settles: f64,
     /// Relative natural map.
     pub residual: f64,
     /// Fastest closing of a contact beyond its gap, over what is allowed.
@@ -139,6 +150,8 @@ struct Look {
     closing: f64,
     /// Energy of what rounding of the impulses leaves of the velocities, J.
     rounding: f64,
+    /// Mean square over the contacts of the speed that the impulse gives over the diameter, 1/s2.
+    comes_back: f64,
 }
 
 /// Share of the bound of friction up to which a contact sticks.
@@ -186,7 +199,7 @@ impl<const D: usize> Problem<D> {
             return first;
         }
         let mut judge =
-            |problem: &mut Self| problem.judge::<L>(stopping, grains, Measure::Always).excess(stopping);
+            |problem: &mut Self| problem.judge::<L>(stopping, grains, Measure::Always, 0.0).excess(stopping);
         let free = Free::new(self, grains);
         let mut lacks = f64::MAX;
         for friction in [Friction::Follows, Friction::Held, Friction::Out] {
@@ -205,12 +218,13 @@ impl<const D: usize> Problem<D> {
                 self.bodies.set_state(&state);
             }
         }
-        let outcome = self.judge::<L>(stopping, grains, Measure::Always);
+        let outcome = self.judge::<L>(stopping, grains, Measure::Always, 0.0);
         Outcome { sweeps: first.sweeps + again, work: first.work, ..outcome }
     }
 
     /// A sweep, with momentum if there is a pace.
     fn paced_sweep<L: Law>(&mut self, pace: &mut Option<Momentum>) {
+        self.trend.count(&self.bodies);
         let Some(pace) = pace else {
             self.sweep::<L, false>(0.0);
             return;
@@ -234,51 +248,15 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    fn start_momentum(&mut self, on: bool) -> Option<Momentum> {
-        self.last.clear();
-        self.last_velocity.clear();
-        self.last_surface.clear();
-        if !on {
-            return None;
-        }
-        let bodies = &self.bodies;
-        crate::reserve(&mut self.last, self.contacts.len());
-        self.last.extend(self.contacts.iter().map(|c| c.impulse));
-        crate::reserve(&mut self.last_velocity, bodies.len());
-        self.last_velocity.extend((0..bodies.len()).map(|i| bodies.velocity(i)));
-        if bodies.spins() {
-            crate::reserve(&mut self.last_surface, bodies.len());
-            self.last_surface.extend((0..bodies.len()).map(|i| bodies.surface(i)));
-        }
-        Some(Momentum::default())
-    }
-
-    /// v + beta (v - last v), to match the impulses p + beta (p - last p) that the next sweep starts from.
-    fn extrapolate(&mut self, beta: f64) {
-        let bodies = &self.bodies;
-        let extrapolate = |(k, chunk): (usize, &mut [Vector<D>])| {
-            for (i, last) in (k * FORK..).zip(chunk) {
-                let v = bodies.velocity(i);
-                bodies.set_velocity(i, &(v + (v - *last) * beta));
-                *last = v;
-            }
-        };
-        if bodies.len() > 2 * FORK {
-            self.last_velocity.par_chunks_mut(FORK).enumerate().for_each(extrapolate);
-        } else {
-            self.last_velocity.chunks_mut(FORK).enumerate().for_each(extrapolate);
-        }
-        for (i, last) in self.last_surface.iter_mut().enumerate() {
-            let s = self.bodies.surface(i);
-            self.bodies.set_surface(i, s + (s - *last) * beta);
-            *last = s;
-        }
-    }
-
-    /// One pass over all contacts; its sums.
+    /// One pass over the contacts of all tiles that are awake; its sums.
     fn sweep<L: Law, const MOMENTUM: bool>(&mut self, beta: f64) -> Sums {
         let (bodies, cohesion, bounds) = (&self.bodies, &self.cohesion, &self.bounds);
-        let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], first: usize| {
+        let (tiles, awake, fork) = (&self.tiles, &self.awake.tiles, self.awake.fork());
+        let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], tile: usize| {
+            if !awake[tile] {
+                return NOTHING;
+            }
+            let first = tiles.contacts(tile).start;
             let (mut change, mut turn) = (0.0, 0.0);
             for (k, c) in contacts.iter_mut().enumerate() {
                 let lags = L::FRICTION && c.friction > STRONG;
@@ -296,9 +274,9 @@ impl<const D: usize> Problem<D> {
                     turn -= step.dot(&(c.impulse - before));
                 }
             }
-            ([change, turn, 0.0, 0.0, 0.0], 0.0)
+            ([change, turn, 0.0, 0.0, 0.0, 0.0], 0.0)
         };
-        over_colours(&self.tiles, &mut self.contacts, &mut self.last, tile)
+        over_colours(tiles, &mut self.contacts, &mut self.awake.last, fork, tile)
     }
 
     /// What the natural map r of the present impulses and velocities says.
@@ -307,8 +285,10 @@ impl<const D: usize> Problem<D> {
     /// that falls freely on light grains would look solved. r / rho is the speed by which a contact is violated.
     fn look<L: Law>(&mut self) -> Look {
         let (bodies, cohesion, radius) = (&self.bodies, &self.cohesion, &self.radius);
-        let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], first: usize| {
-            let mut sums = NOTHING;
+        self.tiles.found.resize_with(self.tiles.len(), Default::default);
+        let tiles = &self.tiles;
+        let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], tile: usize| {
+            let (mut sums, first) = (NOTHING, tiles.contacts(tile).start);
             for (k, c) in contacts.iter().enumerate() {
                 let u = relative::<L, D>(bodies, c);
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
@@ -316,15 +296,21 @@ impl<const D: usize> Problem<D> {
                 let [square, size] = c.natural_map::<L>(&u, rho, cohesion);
                 let (r, p) = (square.sqrt(), size.sqrt());
                 let energies = [0.5 * square / rho, r / rho * (r + p), 0.5 * size / rho];
+                let turned = 0.5 * p / (rho * smaller(radius, c));
                 let closing = -(u.dot(&c.normal) + c.bias) / smaller(radius, c);
-                sums = add(sums, ([square, size, energies[0], energies[1], energies[2]], closing));
+                let [rough, bound, carried] = energies;
+                sums = add(sums, ([square, size, rough, bound, carried, turned * turned], closing));
             }
+            tiles.found[tile].rough.set(sums.0[2]);
+            tiles.found[tile].closing.set(sums.1);
             sums
         };
-        let ([square, size, rough, bound, carried], closing) =
-            over_tiles(&self.tiles.starts, &mut self.contacts, &mut [], FORK, &tile);
+        let ([square, size, rough, bound, carried, turned], closing) =
+            over_tiles(0..tiles.len(), &tiles.starts, &mut self.contacts, &mut [], FORK, &tile);
         let residual = if square == 0.0 { 0.0 } else { (square / size.max(f64::MIN_POSITIVE)).sqrt() };
-        Look { residual, rough, bound, closing, rounding: (4.0 * f64::EPSILON).powi(2) * carried }
+        let rounding = (4.0 * f64::EPSILON).powi(2) * carried;
+        let comes_back = turned / self.contacts.len().max(1) as f64;
+        Look { residual, rough, bound, closing, rounding, comes_back }
     }
 
     /// The largest share of its smaller radius by which a contact closes beyond its gap in a sub-step.
@@ -403,7 +389,7 @@ impl<const D: usize> Problem<D> {
             }
             NOTHING
         };
-        over_colours(&self.tiles, &mut self.contacts, &mut [], tile);
+        over_colours(&self.tiles, &mut self.contacts, &mut [], FORK_CONTACTS, tile);
     }
 }
 

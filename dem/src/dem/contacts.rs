@@ -17,11 +17,16 @@ const ATTEMPTS: usize = 5;
 
 impl<const D: usize> Dem<D> {
     /// Finds and solves the contacts, again with a wider search if a grain became faster than the search assumed.
-    pub(super) fn solve_contacts(&mut self, h: f64, load: &Load<'_, D>, report: &mut StepReport) {
+    pub(super) fn solve_contacts(
+        &mut self,
+        [h, step]: [f64; 2],
+        load: &Load<'_, D>,
+        report: &mut StepReport,
+    ) {
         self.after.clear();
         let mut search = std::mem::take(&mut self.search);
         let mut problem = std::mem::take(&mut self.problem);
-        let stopping = self.stopping(h, load);
+        let stopping = self.stopping([h, step], load);
         for attempt in 1.. {
             search.prepare(&self.scene(h, load), &self.memory, &self.after, &mut problem);
             problem.apply_impulses();
@@ -50,7 +55,8 @@ impl<const D: usize> Dem<D> {
         (self.search, self.problem) = (search, problem);
     }
 
-    pub(super) fn stopping(&self, h: f64, load: &Load<'_, D>) -> Stopping {
+    /// For a sub-step of length `h` of a step.
+    pub(super) fn stopping(&self, [h, step]: [f64; 2], load: &Load<'_, D>) -> Stopping {
         let accelerated = self.settings.acceleration == Acceleration::Momentum;
         Stopping {
             tolerance: self.settings.tolerance,
@@ -59,9 +65,12 @@ impl<const D: usize> Dem<D> {
             // Between masses far apart impulses do not vary slowly in space.
             short_runs: (accelerated && !self.settings.interior).then_some(SHORT_RUNS),
             momentum: accelerated,
-            forced: self.forced(h, load),
+            // Sub-steps do not ask for more than their step would.
+            forced: self.forced(step, load),
             floor: self.smallest_energy(h),
             negligible: self.rounding(),
+            step: h,
+            whole: h == step,
             closing: CLOSING / h,
             interior: self.settings.interior,
         }
@@ -82,7 +91,7 @@ impl<const D: usize> Dem<D> {
         problem.solve(stopping, &Grains { free: &free, pushed: &pushed, changed: &changed })
     }
 
-    /// Energy of the velocities that forces give in a sub-step, J.
+    /// Energy of the velocities that forces give in `h` seconds, J.
     fn forced(&self, h: f64, load: &Load<'_, D>) -> f64 {
         let (scene, p) = (self.scene(h, load), &self.particles);
         parallel::sum(0..p.len(), &|i| match p.held(i) {

@@ -18,9 +18,9 @@
 //! law where friction is at its limit, and would claim an error that is none.
 
 use super::{Grains, Look, Outcome, Problem, Stopping};
-use crate::coarse::{keep, kept};
 use crate::contact::Law;
 use crate::momentum::Momentum;
+use crate::parallel;
 
 /// Sweeps of the first runs, and of all later ones: a warm start may need none. A measure with its correction costs
 /// about as much as ten.
@@ -37,14 +37,16 @@ const MEASURE: usize = 6;
 
 /// Share of the energy that the contacts have to do with below which changes of the velocities count as rest: what
 /// forces give to grains at rest is taken back by contacts nearly in whole.
-const REST: f64 = 1e-2;
-/// The same up to which the solver, once it has solved a problem, goes on for the grains that rest, and the share that it
-/// then tries to reach in place of the above. At rest an error of the velocities comes back magnified: it turns the
-/// contacts, and the forces on them are the larger the deeper they lie, by P h^2 / (m d) times the error in a step under
-/// the load P, which is 20 under 400 rows of 50 um in 0.5 ms. Errors that are only small beside the forces let such a bed
-/// slip again and again; in one that has settled to rounding there is nothing to magnify.
+const REST: f64 = 5e-3;
+/// The same up to which the solver, once it has solved a problem, goes on for the grains that rest, and the share of what may be
+/// left that it then tries to reach. At rest an error of the velocities turns the contacts, and the forces on them are the
+/// larger the deeper they lie: it comes back in the next sub-step P h^2 / (m d) times as large under the load P, which is 20
+/// times under 400 rows of 50 um in 0.5 ms. Errors that are only small beside the forces let such a bed slip again and again;
+/// in one that has settled to rounding there is nothing to magnify. Where grains fly, so that a step has many short
+/// sub-steps, and the energy grows by no more than GROWS, the first sweeps of the next one take back what comes.
 const FEW: f64 = 0.1;
-const SETTLED: f64 = 1e-11;
+const GROWS: f64 = 4.0;
+const SETTLED: f64 = 1e-7;
 /// Share of its error that a solved problem has left after the sweeps for settling if it is smooth: a correction follows.
 const SMOOTH: f64 = 0.5;
 
@@ -89,10 +91,19 @@ impl Corrections {
     /// Sets the pause by what the last one has done.
     fn learn(&mut self, run: usize, error: f64) {
         if std::mem::take(&mut self.made) {
-            let helped = error > GROWING || error <= HELPED * self.before;
-            self.pause = if helped { self.pause.div_ceil(2) } else { (2 * self.pause).min(LONGEST_PAUSE) };
-            self.next = run + self.pause - 1;
+            if error > GROWING || error <= HELPED * self.before {
+                self.pause = self.pause.div_ceil(2);
+                self.next = run + self.pause - 1;
+            } else {
+                self.wait(run);
+            }
         }
+    }
+
+    /// The next one waits for twice as long.
+    fn wait(&mut self, run: usize) {
+        self.pause = (2 * self.pause).min(LONGEST_PAUSE);
+        self.next = run + self.pause - 1;
     }
 }
 
@@ -103,7 +114,11 @@ impl<const D: usize> Problem<D> {
         let corners = self.corners();
         self.coarse.restart(corners, &self.radius, &mut self.uncorrected);
         let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > super::STRONG);
-        let mut pace = self.start_momentum(stopping.momentum);
+        self.trend.start(self.bodies.len());
+        let mut pace = self.sleep(stopping.momentum);
+        if !stopping.momentum {
+            self.wake_all();
+        }
         let mut corrections = Corrections {
             allowed: stopping.short_runs.is_some() && self.coarse.reach_far(),
             next: stopping.short_runs.unwrap_or(0),
@@ -117,7 +132,7 @@ impl<const D: usize> Problem<D> {
         for run in 0.. {
             let count = RUNS[run.min(RUNS.len() - 1)].min(stopping.max_sweeps - outcome.sweeps);
             let due = corrections.due(run);
-            let column = due && (run == 0 || outcome.error > NEAR);
+            let column = due && solved.is_none() && (run == 0 || outcome.error > NEAR);
             self.run::<L>(outcome.sweeps..outcome.sweeps + count, strong, column, &mut pace);
             let last = outcome.sweeps + count == stopping.max_sweeps;
             let measure = match due || corrections.made || last {
@@ -126,8 +141,9 @@ impl<const D: usize> Problem<D> {
                 false if run == 0 => Measure::IfSettled,
                 false => Measure::IfSolved,
             };
-            let judged = self.judge::<L>(stopping, grains, measure);
-            let work = outcome.work + count * self.contacts.len() + judged.work;
+            let trend = self.trend.error(&self.bodies);
+            let judged = self.judge::<L>(stopping, grains, measure, trend);
+            let work = outcome.work + count * self.awake.contacts + judged.work;
             outcome = Outcome { sweeps: outcome.sweeps + count, work, ..judged };
             corrections.learn(run, outcome.error);
             let mut correct = corrections.due(run);
@@ -148,13 +164,23 @@ impl<const D: usize> Problem<D> {
                 // Where walls leave no room there is no solution, and a correction only adds stress.
                 (corrections.allowed, corrections.before) = (false, f64::INFINITY);
                 self.take_back(grains);
-                pace = self.start_momentum(stopping.momentum);
+                pace = self.sleep(stopping.momentum);
+                self.look::<L>();
             } else if correct {
-                (corrections.before, corrections.made) = (outcome.error, true);
                 // A solved problem is corrected once.
                 corrections.allowed = solved.is_none();
-                self.correct::<L>(grains);
-                pace = self.start_momentum(stopping.momentum);
+                if self.correct::<L>(grains, outcome.energy) {
+                    (corrections.before, corrections.made) = (outcome.error, true);
+                    pace = self.sleep(stopping.momentum);
+                    self.look::<L>();
+                } else {
+                    corrections.wait(run);
+                }
+            }
+            if outcome.smooth > outcome.goal && !corrections.made {
+                self.wake_all();
+            } else {
+                self.wake(outcome.goal, stopping.closing);
             }
         }
         outcome
@@ -186,57 +212,83 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    fn correct<L: Law>(&mut self, grains: &Grains<D>) {
+    /// Corrects the impulses over long distances, if that adds no more energy than is wrong, J. (What factors promise need not
+    /// come true: impulses that are changed so must be cut back to Coulomb's law.)
+    fn correct<L: Law>(&mut self, grains: &Grains<D>, wrong: f64) -> bool {
         self.uncorrected.clear();
         crate::reserve(&mut self.uncorrected, self.contacts.len());
-        self.uncorrected.extend(self.contacts.iter().map(|c| keep(&c.impulse)));
+        self.uncorrected.extend(self.contacts.iter().map(|c| c.impulse));
+        let before = self.energy();
         let mut coarse = std::mem::take(&mut self.coarse);
-        coarse.correct::<L>(self, grains.free);
+        let corrected = coarse.correct::<L>(self, grains.free);
         self.coarse = coarse;
+        let helps = corrected && self.energy() < before + wrong;
+        if corrected && !helps {
+            self.take_back(grains);
+        }
+        helps
+    }
+
+    /// 1/2 |v|^2 + bias p, which the impulses of the contacts minimise without friction, J.
+    fn energy(&self) -> f64 {
+        let bodies = &self.bodies;
+        let kinetic = parallel::sum(0..self.position.len(), &|i| {
+            let (mobility, v) = (bodies.mobility(i), bodies.velocity(i));
+            let turning = if bodies.spins() { bodies.spin_mobility(i) } else { 0.0 };
+            let turns = if turning > 0.0 { 0.5 * bodies.surface(i).powi(2) / turning } else { 0.0 };
+            turns + if mobility > 0.0 { 0.5 * v.norm_squared() / mobility } else { 0.0 }
+        });
+        let contact =
+            |k: usize| self.contacts[k].bias * self.contacts[k].impulse.dot(&self.contacts[k].normal);
+        kinetic + parallel::sum(0..self.contacts.len(), &contact)
     }
 
     /// Back to the impulses before the last correction.
     fn take_back(&mut self, grains: &Grains<D>) {
-        self.contacts.iter_mut().zip(&self.uncorrected).for_each(|(c, p)| c.impulse = kept(p));
+        self.contacts.iter_mut().zip(&self.uncorrected).for_each(|(c, p)| c.impulse = *p);
         (grains.free)(&self.bodies);
         self.apply_impulses();
     }
 
-    /// How far the problem is from its solution; what is smooth of the error belongs to it only where it is measured.
+    /// How far the problem is from its solution; what is smooth of the error belongs to it only where it is measured. `trend`
+    /// is the energy of the error by how sweeps still change the velocities, J.
     pub(super) fn judge<L: Law>(
         &mut self,
         stopping: &Stopping,
         grains: &Grains<D>,
         measure: Measure,
+        trend: f64,
     ) -> Outcome {
         let scale = (0.5 * (stopping.forced + (grains.pushed)(&self.bodies))).max(stopping.floor);
         let look: Look = self.look::<L>();
         let changed = (grains.changed)(&self.bodies) / scale;
         let reach = |rest: f64| stopping.tolerance * scale * rest;
         let (enough, most) = (reach(changed.max(REST)), look.rough + BOUND * look.bound);
-        let settled = if changed > FEW { enough } else { reach(SETTLED) };
-        let (mut energy, mut work) = (most, self.contacts.len());
+        let grows = stopping.whole || look.comes_back * stopping.step * stopping.step > GROWS;
+        let settled = if changed <= FEW && grows { SETTLED * enough } else { enough };
+        let (seen, mut smooth, mut work) = (look.rough + trend, 0.0, self.contacts.len());
         let measured = match measure {
             Measure::Always => true,
-            Measure::IfSolved => look.rough <= enough && most > settled,
+            Measure::IfSolved => seen <= enough && most > settled,
             Measure::IfSettled => look.rough <= settled && most > settled,
         };
         if measured {
             let mut coarse = std::mem::take(&mut self.coarse);
-            energy = look.rough + UNSEEN * coarse.measure::<L>(self);
+            smooth = UNSEEN * coarse.measure::<L>(self);
             self.coarse = coarse;
             work += MEASURE * self.contacts.len();
-        } else if look.rough > enough {
-            energy = look.rough;
         }
-        let error = match (energy + look.rough + look.bound + scale).is_finite() {
+        let energy = if measured || seen > enough { seen + smooth } else { seen.max(most) };
+        let error = match !energy.is_nan() && (look.rough + look.bound + scale).is_finite() {
             true if energy <= stopping.negligible.max(look.rounding) => 0.0,
             true => energy / scale,
             // Impulses have left the range of numbers.
             false => f64::INFINITY,
         };
         let closing = look.closing / stopping.closing;
-        Outcome { error, changed, residual: look.residual, closing, work, ..Outcome::default() }
+        let goal = if energy > enough { enough } else { settled };
+        let residual = look.residual;
+        Outcome { error, energy, changed, smooth, goal, settles: settled, residual, closing, work, sweeps: 0 }
     }
 }
 
@@ -248,7 +300,6 @@ impl Outcome {
 
     /// Whether nothing is left to do for grains at rest.
     fn settled(&self, stopping: &Stopping) -> bool {
-        let rest = if self.changed > FEW { self.changed } else { SETTLED };
-        self.solved(stopping) && self.error <= stopping.tolerance * rest
+        self.solved(stopping) && (self.energy <= self.settles || self.error == 0.0)
     }
 }
