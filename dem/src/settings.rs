@@ -37,9 +37,9 @@ pub struct Settings<const D: usize> {
     /// Acceleration of gravity, m/s2.
     pub gravity: Vector<D>,
     /// Share of the kinetic energy of what a sub-step changes of the velocities which that of their error may have, for
-    /// the contacts to count as solved. Where grains rest and velocities hardly change, it is the share of a hundredth of
-    /// the energy that forces bring and contacts take; a few sweeps more then go on towards 1e-11 of that energy in its
-    /// place, because errors would let the grains creep.
+    /// the contacts to count as solved. Where grains rest and velocities hardly change, it is the share of 0.5 % of the
+    /// energy that the forces of the step bring and contacts take; a few sweeps more then go on towards 1e-7 of that,
+    /// because errors would let the grains creep.
     pub tolerance: f64,
     /// Sweeps per sub-step at most; a step that needs more is reported as not converged.
     pub max_sweeps: usize,
@@ -60,7 +60,7 @@ pub struct Settings<const D: usize> {
 }
 
 impl<const D: usize> Default for Settings<D> {
-    /// Earth's gravity along the last axis, error of the energy 1e-3, at most 1000 sweeps, half a radius per sub-step,
+    /// Earth's gravity along the last axis, error of the energy 2e-2, at most 1000 sweeps, half a radius per sub-step,
     /// at most 1000 of them.
     fn default() -> Self {
         let mut gravity = Vector::zeros();

@@ -1,11 +1,12 @@
 //! Nonlinear Gauss-Seidel over coloured tiles: sweep, residual, stopping.
 //!
-//! A solve is a series of runs of sweeps with momentum. After each run the kinetic energy of the velocity error is
-//! estimated: what varies from grain to grain by the natural map, what is smooth by the energy that corrections over
-//! long distances would take away ([`Coarse`]). The problem is solved when that energy is below a share of the energy
-//! of what the sub-step changes of the velocities (at rest, of a part of the energy that the contacts have to do
-//! with), and no contact closes so fast that it would become an overlap that matters. Between runs the corrections
-//! are made: the number of sweeps then hardly depends on the height of a stack.
+//! A solve is a series of runs of sweeps with momentum over the tiles that have something left to do ([`awake`]). After each
+//! run the kinetic energy of the velocity error is estimated: what varies from grain to grain by the natural map, what is
+//! smooth by the energy that corrections over long distances would take away ([`Coarse`]), and what neither sees by how
+//! sweeps still change the velocities ([`trend`]). The problem is solved when that energy is below a share of the energy of
+//! what the sub-step changes of the velocities (at rest, of a part of the energy that the contacts have to do with), and no
+//! contact closes so fast that it would become an overlap that matters. Between runs the corrections are made: the number of
+//! sweeps then hardly depends on the height of a stack.
 //!
 //! **What was compared.** Stacks of N discs, and random beds of 8,000 to 40,000 discs with friction, from a cold start. The
 //! column of the bed has the energy of the velocity error, over that of a free fall, after so many sweeps:

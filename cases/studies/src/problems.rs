@@ -281,7 +281,11 @@ pub struct Stack {
 
 impl Default for Stack {
     fn default() -> Self {
-        Self { count: 100, tolerance: 1e-3, acceleration: Acceleration::Momentum }
+        Self {
+            count: 100,
+            tolerance: Contacts::<2>::default().tolerance,
+            acceleration: Acceleration::Momentum,
+        }
     }
 }
 

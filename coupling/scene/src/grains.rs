@@ -4,7 +4,7 @@ use super::Coordinates;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use voidage_dem::{Cohesion, Conduction};
+use voidage_dem::{Cohesion, Conduction, Settings};
 
 /// A material of grains or walls.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -286,8 +286,8 @@ pub struct Rotation {
 #[serde(deny_unknown_fields, default)]
 pub struct Contacts {
     /// Energy that the error of the velocities may have, as a share of the energy of what a sub-step changes of them. At
-    /// rest, where little changes, it is a share of a hundredth of the energy that forces bring and contacts take. Above
-    /// 0, at most 0.1: with more, unsolved contacts would count as solved. Default 1e-3.
+    /// rest, where little changes, it is a share of 0.5 % of the energy that the forces of a step bring. Above
+    /// 0, at most 0.1: with more, unsolved contacts would count as solved. Default 0.02.
     pub tolerance: f64,
     /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
     pub max_sweeps: usize,
@@ -316,7 +316,7 @@ pub struct Contacts {
 impl Default for Contacts {
     fn default() -> Self {
         Contacts {
-            tolerance: 1e-3,
+            tolerance: Settings::<2>::default().tolerance,
             max_sweeps: 1000,
             interior: false,
             max_travel: 0.5,

@@ -9,13 +9,13 @@
 //!
 //! s alone says little of E: a bed of N rows that falls as a whole has closing speeds of 1/N of its speed, and W^-1
 //! magnifies them by N. But every q that leaves the impulses within Coulomb's law gives a lower bound.
-//! [`Coarse`](crate::coarse::Coarse) maximises over the q that are the impulses, and what sweeps have changed of
-//! them, times factors that vary slowly in space: they find all of E on a stack, and a tenth to a half of it in
-//! random beds, where the shape of the impulses must change too. What varies from grain to grain, which they do not
-//! see, is the natural map r: sum of r^2 / (2 rho).
+//! [`Coarse`](crate::coarse::Coarse) maximises over the q that are the impulses times factors that vary slowly in space: they
+//! find all of E on a stack. What varies from grain to grain, which they do not see, is the natural map r: sum of r^2 /
+//! (2 rho). In random beds the shape of the impulses must change too, and neither sees that; how sweeps still change the
+//! velocities does ([`Trend`](super::trend::Trend)). The sum of the three is the estimate.
 //!
-//! Near the solution only the impulses themselves are used. The changes that sweeps still make there lead out of Coulomb's
-//! law where friction is at its limit, and would claim an error that is none.
+//! Corrections also take what sweeps have changed of the impulses times such factors. As a measure these would claim errors
+//! that are none: where friction or cohesion are at their limits they lead out of the law.
 
 use super::{Grains, Look, Outcome, Problem, Stopping};
 use crate::contact::Law;
