@@ -1,4 +1,5 @@
-//! What documentation, comments and scripts name is there: files and folders of this repository, and links between its pages.
+//! What documentation, comments and scripts name is there: files and folders of this repository, and links between
+//! its pages.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -14,6 +15,22 @@ const ENDS: [&str; 6] = [".rs", ".py", ".md", ".toml", ".csv", ".png"];
 const GENERATED: [&str; 3] = ["lock", "csv", "png"];
 /// Folders and files that programs leave (see .gitignore).
 const LEFT: [&str; 5] = [".git", "target", "out", ".venv", "__pycache__"];
+/// Ends by which a word in backticks on a page is a file, wherever it lies.
+const SOURCES: [&str; 4] = [".rs", ".py", ".toml", ".csv"];
+/// Files that programs write, and those of a user's that pages speak of.
+const WRITTEN: [&str; 11] = [
+    "series.csv",
+    "stability.csv",
+    "verification.csv",
+    "curves.csv",
+    "measured.csv",
+    "results.csv",
+    "averages.csv",
+    "packing-0.csv",
+    "bed.toml",
+    "mybed.toml",
+    "stream.py",
+];
 /// Pages that lie outside of this repository. In two parts, as this file is read too.
 const OUTSIDE: [[&str; 2]; 4] =
     [["physics", ".md"], ["droplet", ".md"], ["../", "shared"], ["reference/", "manufactured.py"]];
@@ -31,6 +48,15 @@ impl Files {
     fn has(&self, path: &str, page: &str) -> bool {
         let package = page.split('/').next().unwrap_or_default();
         self.0.contains(path) || self.0.contains(&format!("{package}/{path}"))
+    }
+
+    /// Whether there is a file that ends in this path, or that a page may speak of though it is not there.
+    fn somewhere(&self, path: &str, page: &str) -> bool {
+        let end = format!("/{path}");
+        let written = WRITTEN.contains(&path);
+        written
+            || self.has(&resolve(page, path), "")
+            || self.0.iter().any(|file| file == path || file.ends_with(&end))
     }
 }
 
@@ -69,10 +95,23 @@ fn walk(root: &Path, folder: &Path, found: &mut Vec<String>) {
     }
 }
 
-/// Targets of the links of a line of Markdown, without the place on the page.
+/// Targets of the links and pictures of a line of Markdown, without the place on the page.
 fn linked(line: &str) -> impl Iterator<Item = &str> {
     let targets = line.split("](").skip(1).filter_map(|rest| rest.split([')', ' ', '#']).next());
-    targets.filter(|target| !target.is_empty() && !target.contains(':'))
+    let pictures = line.split("src=\"").skip(1).filter_map(|rest| rest.split('"').next());
+    targets.chain(pictures).filter(|target| !target.is_empty() && !target.contains(':'))
+}
+
+/// Words in backticks that are files of the repository by their end: not patterns, not with something to be filled in.
+fn sources(text: &str) -> impl Iterator<Item = &str> {
+    let part = |c: char| c.is_ascii_alphanumeric() || "_-./*<>{}$".contains(c);
+    let words = text.split(move |c| !part(c)).filter(|word| SOURCES.iter().any(|end| word.ends_with(end)));
+    // A key such as `grains.placement.csv` is no file.
+    let key = |word: &str| !word.contains('/') && word.matches('.').count() > 1;
+    let whole = move |word: &&str| {
+        !word.contains(['*', '<', '>', '{', '}', '$']) && !SOURCES.contains(word) && !key(word)
+    };
+    words.filter(whole).filter(|word| !word.split('/').any(|name| name == "out" || placeholder(name)))
 }
 
 /// Words that may be paths of this repository: not patterns, not with something to be filled in, not what runs leave.
@@ -105,8 +144,8 @@ fn resolve(page: &str, target: &str) -> String {
     slashed(&path)
 }
 
-/// What a page names that is not there, with the numbers of the lines: in backticks, single or double, anything; elsewhere files;
-/// in Markdown links too.
+/// What a page names that is not there, with the numbers of the lines: in backticks, single or double, anything;
+/// elsewhere files; in Markdown links and pictures too.
 fn wrong(page: &str, text: &str, files: &Files) -> Vec<String> {
     let mut wrong = vec![];
     for (number, line) in text.lines().enumerate() {
@@ -117,6 +156,8 @@ fn wrong(page: &str, text: &str, files: &Files) -> Vec<String> {
         let mut found: BTreeSet<String> = missing.map(String::from).collect();
         if page.ends_with(".md") {
             found.extend(linked(line).filter(|to| !files.has(&resolve(page, to), "")).map(String::from));
+            let quoted = single.split('`').skip(1).step_by(2).flat_map(sources);
+            found.extend(quoted.filter(|file| !files.somewhere(file, page)).map(String::from));
         }
         found.extend(OUTSIDE.map(|parts| parts.concat()).into_iter().filter(|name| line.contains(name)));
         wrong.extend(found.into_iter().map(|name| format!("{page}:{}: `{name}` is not there", number + 1)));
@@ -156,6 +197,8 @@ fn a_wrong_reference_is_found_and_what_is_none_is_not() {
         "patterns and placeholders: `cases|*.toml`, `cases|<name>.rs`, `cases|{a,b}.rs`, `cases|NAME.toml`",
         "what a run leaves: `cases|out|series.csv`, `series.csv`",
         "![a picture](a-1.png), [a page](..|hopper|README.md#here), [a place](#here), [far](https:||a.b|c.md)",
+        "<img src=\"a-1.png\">, `lib.rs`, `src|lib.rs`, `..|..|tests|cases|bed.toml`, `.toml`",
+        "what runs write and what is no file: `series.csv`, `NAME.toml`, `scene*.toml`, `[grains.placement.csv]`",
     ] {
         assert_eq!(wrong(&page, &path(line), &known), Vec::<String>::new(), "{line}");
     }
@@ -168,6 +211,10 @@ fn a_wrong_reference_is_found_and_what_is_none_is_not() {
         (path("in a string: dem|src|law.rs, say"), path("dem|src|law.rs")),
         (path("a page of a case, `cases|bed|README.md`"), path("cases|bed|README.md")),
         (path("![a picture](a-2.png)"), path("a-2.png")),
+        (path("<img src=\"a-3.png\" width=\"200\">"), path("a-3.png")),
+        (path("the file `law.rs`"), path("law.rs")),
+        (path("`python3 tools|law.py --now`"), path("tools|law.py")),
+        (path("`..|gone.csv`"), path("..|gone.csv")),
         (path("[a page](..|hopper.md#here)"), path("..|hopper.md")),
         (format!("section 7 of {pages}"), pages),
         (format!("see {shared}/notes"), shared),

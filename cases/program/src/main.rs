@@ -5,6 +5,8 @@
 mod check;
 mod compare;
 mod doctor;
+mod keys;
+mod new;
 mod placing;
 mod plot;
 mod report;
@@ -18,6 +20,7 @@ use voidage_campaign::progress;
 use voidage_coupling::{Error, Result};
 use voidage_remote::transport::Address;
 use voidage_scene::{Scene, json_schema};
+use voidage_studies::Study;
 
 /// Discrete grains in a finite element fluid.
 #[derive(Parser)]
@@ -32,6 +35,8 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Write a commented scene to begin with, or a copy of a shipped case; never over an existing file.
+    New(new::Options),
     /// Run a scene; Ctrl-C writes a checkpoint and ends cleanly (exit code 1).
     Run(run::Options),
     /// Show the same states to several fluid solvers, then run them side by side; exit code 1 if a step from the same
@@ -64,11 +69,14 @@ enum Command {
         #[arg(long)]
         out: Option<PathBuf>,
     },
-    /// Print all keys of a scene with their meaning, units and defaults, as JSON schema.
+    /// Print all keys of a scene with their meaning, units and defaults: as JSON schema, or as a page.
     Schema {
         /// Those of a study.
         #[arg(long)]
         study: bool,
+        /// As a page to read (Markdown), in the order of the file.
+        #[arg(long)]
+        markdown: bool,
     },
     /// Solve the fluid of a run in another process, with the Rust solver.
     Serve {
@@ -123,6 +131,7 @@ fn main() -> ExitCode {
 /// Does what was asked; the number is the exit code.
 fn perform(command: Command) -> Result<u8> {
     match command {
+        Command::New(options) => new::new(&options),
         Command::Run(options) => run::run(&options),
         Command::Compare(options) => compare::compare(&options),
         Command::Verify(options) => voidage_verification::verify(&options),
@@ -135,9 +144,13 @@ fn perform(command: Command) -> Result<u8> {
             pictures.iter().for_each(|picture| println!("{}", picture.display()));
             Ok(0)
         }
-        Command::Schema { study } => {
-            let schema = if study { json_schema::<voidage_studies::Study>() } else { json_schema::<Scene>() };
-            println!("{schema:#}");
+        Command::Schema { study, markdown } => {
+            match (study, markdown) {
+                (false, false) => println!("{:#}", json_schema::<Scene>()),
+                (true, false) => println!("{:#}", json_schema::<Study>()),
+                (false, true) => print!("{}", keys::page::<Scene>()),
+                (true, true) => print!("{}", keys::page::<Study>()),
+            }
             Ok(0)
         }
         Command::Serve { connect, wait } => {

@@ -1,7 +1,7 @@
 //! `voidage verify`: problems with known answers, solved and compared.
 //!
 //! A case is one file: what is solved, where the answer comes from, and the findings. The quick forms are part of the
-//! tests; the full forms are what the README claims.
+//! tests; the full forms are what the page of this folder claims.
 
 mod case;
 pub mod coupled;

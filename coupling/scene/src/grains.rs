@@ -38,10 +38,11 @@ pub struct Material {
 pub struct Grains {
     /// Name of one of the materials.
     pub material: String,
-    /// Radius, m: `{constant = r}` or `{uniform = [smallest, largest]}`. Not with a CSV file, which has its own.
+    /// Radius, m: `{constant = r}`, in short `r`, or `{uniform = [smallest, largest]}`. Not with a CSV file, which has its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
-    /// Share of the disc that is solid, above 0 up to 1. Default 1.
+    /// Share of the disc that is solid, above 0 up to 1: in a fluid 0.8165 makes the densest bed of discs as dense as one of
+    /// spheres. Default 1.
     #[serde(default = "one")]
     pub solidity: f64,
     /// How many: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`. Default `"fill"`.

@@ -72,7 +72,7 @@ impl<'a> Grid<'a> {
     fn packing(&self, path: &Path) -> Result<()> {
         let high = self.packing.iter().copied().fold(0.0, f64::max);
         let scale = Scale {
-            name: "packing fraction",
+            name: "packing fraction".to_owned(),
             gradient: colorous::VIRIDIS,
             low: 0.0,
             high: (high * 20.0).ceil() / 20.0,
@@ -88,7 +88,7 @@ impl<'a> Grid<'a> {
         let high = (0..self.x.len()).filter(seen).map(|square| self.speed(square)).fold(0.0, f64::max);
         let high = if high > 0.0 { high } else { 1.0 };
         let scale = Scale {
-            name: "grain speed (m/s)",
+            name: "grain speed (m/s)".to_owned(),
             gradient: colorous::VIRIDIS,
             low: 0.0,
             high,

@@ -10,10 +10,10 @@ use voidage_coupling::Result;
 const ROW: usize = 4;
 
 /// What colours mean.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Scale {
     /// Quantity with its unit.
-    pub name: &'static str,
+    pub name: String,
     /// Colours.
     pub gradient: Gradient,
     /// Value of the first colour.
@@ -296,7 +296,7 @@ fn colour_bar(
         .configure_mesh()
         .disable_mesh()
         .disable_x_axis()
-        .y_desc(scale.name)
+        .y_desc(scale.name.as_str())
         .y_labels(7)
         .y_label_formatter(&label(low, high))
         .axis_desc_style(text(22))

@@ -1,4 +1,4 @@
-//! Pictures of recorded moments: grains over the voidage, the vapour of a droplet, or the speed of the fluid.
+//! Pictures of recorded moments: grains over a scalar of the fluid, over the voidage, or the speed of the fluid.
 
 use super::hole::{self, Track};
 use super::plane::{Plane, Scale};
@@ -18,6 +18,8 @@ const EXTREME: f64 = 0.01;
 /// Colours of a droplet and of its outline.
 const LIQUID: [u8; 3] = [195, 226, 255];
 const RIM: RGBColor = RGBColor(0, 90, 180);
+/// Colour of the outline of held grains.
+const HELD: RGBColor = RGBColor(120, 120, 120);
 
 /// A recorded moment: the files of its grains and its fluid.
 pub struct Moment {
@@ -69,23 +71,31 @@ impl Picture {
         format!("t = {:.3} s", self.time)
     }
 
-    /// What grains are coloured by: temperature, or speed without one.
-    fn grain_values(&self) -> Option<(Quantity, Cow<'_, [f64]>)> {
+    /// What grains are coloured by: temperature, or speed without one; nothing where all are held and would hide a scalar.
+    fn grain_values(&self, scene: &Scene) -> Option<(Quantity, Cow<'_, [f64]>)> {
         let grains = self.grains.as_ref()?;
-        Some(match grains.column("temperature_K") {
-            Some(temperature) => (Quantity::Temperature, Cow::from(temperature)),
-            None => (Quantity::GrainSpeed, Cow::from(speeds(grains))),
-        })
+        match grains.column("temperature_K") {
+            Some(temperature) => Some((Quantity::Temperature, Cow::from(temperature))),
+            None if self.scalar(scene).is_some() && scene.grains.iter().all(|group| group.fixed) => None,
+            None => Some((Quantity::GrainSpeed, Cow::from(speeds(grains)))),
+        }
     }
 
-    /// What the fluid is coloured by: the vapour of a droplet where there is one, or the voidage, or its speed.
+    /// The first scalar that the fluid carries beside its temperature.
+    fn scalar(&self, scene: &Scene) -> Option<(Quantity, Cow<'_, [f64]>)> {
+        let name = &scene.fluid.as_ref()?.scalars.first()?.name;
+        let values = self.fluid.as_ref()?.column(name)?;
+        Some((Quantity::Scalar(name.clone()), Cow::from(values)))
+    }
+
+    /// What the fluid is coloured by: a scalar where it carries one, or the voidage, or its speed.
     fn field_values(&self, scene: &Scene) -> Option<(Quantity, Cow<'_, [f64]>)> {
         let fluid = self.fluid.as_ref()?;
-        let vapour = fluid.column("vapour").filter(|_| scene.droplet.is_some());
-        Some(match (vapour, fluid.column("voidage")) {
-            (Some(vapour), _) => (Quantity::Vapour, Cow::from(vapour)),
-            (None, Some(voidage)) => (Quantity::Voidage, Cow::from(voidage)),
-            (None, None) => (Quantity::FluidSpeed, Cow::from(speeds(fluid))),
+        self.scalar(scene).or_else(|| {
+            Some(match fluid.column("voidage") {
+                Some(voidage) => (Quantity::Voidage, Cow::from(voidage)),
+                None => (Quantity::FluidSpeed, Cow::from(speeds(fluid))),
+            })
         })
     }
 
@@ -107,7 +117,9 @@ impl Picture {
         let margin = margin * (right - left).max(top - bottom);
         let mut bounds = [left - margin, bottom - margin, right + margin, top + margin];
         if let (Some(grains), Some(_)) = (&self.grains, &self.fluid) {
-            let grains = grains.points.iter().map(|[x, y, _]| [*x, *y]);
+            let radius = grains.column("radius_m").unwrap_or(&[]);
+            let ends = |([x, y, _], r): (&[f64; 3], &f64)| [[x - r, y - r], [x + r, y + r]];
+            let grains = grains.points.iter().zip(radius).flat_map(ends);
             leave_out_empty(&mut bounds, grains.chain(self.droplet.iter().flatten().copied()));
         }
         bounds
@@ -115,22 +127,23 @@ impl Picture {
 }
 
 /// What colours show.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum Quantity {
     Temperature,
     GrainSpeed,
-    Vapour,
+    /// By its name.
+    Scalar(String),
     Voidage,
     FluidSpeed,
 }
 
 impl Quantity {
     /// The colours of values within bounds.
-    fn scale(self, [low, high]: [f64; 2]) -> Scale {
+    fn scale(&self, [low, high]: [f64; 2]) -> Scale {
         let least = 1e-3 * high.abs().max(1e-9);
         let (low, high) = if high - low < least { (low - least, high + least) } else { (low, high) };
-        let scale = |name: &'static str, gradient: Gradient, [low, high]: [f64; 2], part: [f64; 2]| Scale {
-            name,
+        let scale = |name: &str, gradient: Gradient, [low, high]: [f64; 2], part: [f64; 2]| Scale {
+            name: name.to_owned(),
             gradient,
             low,
             high,
@@ -140,8 +153,13 @@ impl Quantity {
             Self::Temperature => scale("grain temperature (K)", colorous::INFERNO, [low, high], [0.08, 0.95]),
             Self::GrainSpeed => scale("grain speed (m/s)", colorous::VIRIDIS, [0.0, high], [0.0, 1.0]),
             Self::FluidSpeed => scale("fluid speed (m/s)", colorous::VIRIDIS, [0.0, high], [0.0, 1.0]),
-            // From white (none) to dark grey (nothing else).
-            Self::Vapour => scale("vapour", colorous::GREYS, [0.0, 1.0], [0.0, 0.68]),
+            // From white (none) to dark grey (nothing else); most scalars are shares.
+            Self::Scalar(name) => scale(
+                name,
+                colorous::GREYS,
+                [low.min(0.0), if high > 0.1 { high.max(1.0) } else { high }],
+                [0.0, 0.68],
+            ),
             // From grey (packed) to white (fluid only).
             Self::Voidage => scale("voidage", colorous::GREYS, [0.3, 1.0], [0.65, 0.0]),
         }
@@ -162,7 +180,7 @@ impl View {
         let within = |(quantity, values): (Quantity, Cow<[f64]>)| (quantity, inner(&values, extreme));
         View {
             bounds: picture.bounds(scene),
-            grains: picture.grain_values().map(within),
+            grains: picture.grain_values(scene).map(within),
             field: picture.field_values(scene).map(within),
         }
     }
@@ -188,16 +206,16 @@ impl View {
             right.max(other.bounds[2]),
             top.max(other.bounds[3]),
         ];
-        let join = |a: Option<(Quantity, [f64; 2])>, b: Option<(Quantity, [f64; 2])>| match (a, b) {
-            (Some((quantity, [a, b])), Some((_, [c, d]))) => Some((quantity, [a.min(c), b.max(d)])),
-            (one, other) => one.or(other),
+        let join = |a: &Option<(Quantity, [f64; 2])>, b: &Option<(Quantity, [f64; 2])>| match (a, b) {
+            (Some((quantity, [a, b])), Some((_, [c, d]))) => Some((quantity.clone(), [a.min(*c), b.max(*d)])),
+            (one, other) => one.clone().or_else(|| other.clone()),
         };
-        View { bounds, grains: join(self.grains, other.grains), field: join(self.field, other.field) }
+        View { bounds, grains: join(&self.grains, &other.grains), field: join(&self.field, &other.field) }
     }
 
     /// Colour bars: of the grains, and of the fluid.
     fn scales(&self) -> [Option<Scale>; 2] {
-        [self.grains, self.field].map(|shown| shown.map(|(quantity, within)| quantity.scale(within)))
+        [&self.grains, &self.field].map(|shown| Some(shown.as_ref()?.0.scale(shown.as_ref()?.1)))
     }
 
     /// An empty picture with a pane for each title; none where there is nothing to show.
@@ -231,12 +249,18 @@ pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -
     if let Some(droplet) = &picture.droplet {
         plane.polygon(droplet, LIQUID);
     }
-    if let (Some(grains), Some((_, values)), Some(scale)) =
-        (&picture.grains, picture.grain_values(), grain_scale)
-    {
-        let radius = grains.column("radius_m").unwrap_or(&[]);
-        let discs = grains.points.iter().zip(radius).zip(&*values);
-        plane.discs(discs.map(|(([x, y, _], radius), value)| ([*x, *y], *radius, scale.colour(*value))));
+    if let Some(grains) = &picture.grains {
+        let discs = grains.points.iter().zip(grains.column("radius_m").unwrap_or(&[]));
+        match (picture.grain_values(scene), grain_scale) {
+            (Some((_, values)), Some(scale)) => plane.discs(
+                discs
+                    .zip(&*values)
+                    .map(|(([x, y, _], radius), value)| ([*x, *y], *radius, scale.colour(*value))),
+            ),
+            _ => {
+                discs.into_iter().try_for_each(|([x, y, _], r)| plane.outline(&circle([*x, *y], *r), HELD))?
+            }
+        }
     }
     if let Some(droplet) = &picture.droplet {
         plane.outline(droplet, RIM)?;
@@ -261,6 +285,15 @@ fn leave_out_empty(bounds: &mut [f64; 4], points: impl Iterator<Item = [f64; 2]>
             (bounds[axis], bounds[axis + 2]) = (at(first), at(last));
         }
     }
+}
+
+/// Corners of a polygon that looks round.
+fn circle([x, y]: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
+    let corner = |k: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 24.0).sin_cos();
+        [x + radius * cos, y + radius * sin]
+    };
+    (0..24).map(corner).collect()
 }
 
 fn speeds(frame: &Frame) -> Vec<f64> {
