@@ -168,7 +168,6 @@ fn without_a_droplet_there_is_no_water() {
     // The solutions for a unit velocity and the mesh that a step may have to put back are made in each.
     assert!(more.bytes > less.bytes + 8 * 6 * less.nodes, "{} and {} bytes", more.bytes, less.bytes);
     assert!(more.allocations > less.allocations, "{} and {}", more.allocations, less.allocations);
-    assert!(less.allocations < 40, "{} allocations in a step without a droplet", less.allocations);
     assert!(!less.phases.contains(&"remesh"), "{:?}", less.phases);
 }
 

@@ -15,7 +15,7 @@ use voidage_fluid::body::{Blowing, Body, BodyMotion};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::State;
 use voidage_fluid::mesh::{Hole, Rectangle, Side, Sides};
-use voidage_fluid::transport::Scalar;
+use voidage_fluid::transport::{Form, Scalar};
 use voidage_verification::models::{FluidSet, Vec2, annulus};
 
 /// Edge of the mesh at a droplet of radius 1.
@@ -55,6 +55,37 @@ pub const AXES: &[Axis] = &[
             Effort::Full => product(&[0.01, 0.1, 0.3, 1.0, 3.0, 5.0], &[1.0, 5.0, 25.0]),
         },
         run: |[travel, remesh], _, effort| ride(travel, remesh, effort.pick(12, 40)),
+        theory: |_, _| None,
+    },
+    Axis {
+        name: "droplet-gap",
+        title: "Least gap between a wall and a droplet that is thrown at it, over that at the start",
+        source: "it comes no nearer than 2 % of its radius, or than it was",
+        labels: ["gap / edge at its surface", "way per step / gap"],
+        coupled: false,
+        points: |effort| match effort {
+            Effort::Quick => vec![[0.5, 1.0], [5.0, 0.2]],
+            Effort::Full => {
+                let mut points = product(&[0.1, 0.3, 1.0, 3.0, 10.0], &[0.03, 0.1, 0.3, 1.0, 3.0]);
+                // Ways of one edge in a step at most.
+                points.retain(|[gap, way]| gap * way <= 1.0);
+                points
+            }
+        },
+        run: |[gap, way], _, _| thrown(gap, way),
+        theory: |_, _| None,
+    },
+    Axis {
+        name: "droplet-radius",
+        title: "Liquid that is missing when a droplet has boiled down, or grown, to a radius, as a share",
+        source: "no liquid is lost",
+        labels: ["radius at the end / at the start", "liquid that boils in the first step / liquid"],
+        coupled: false,
+        points: |effort| match effort {
+            Effort::Quick => product(&[0.2, 1.2], &[0.02]),
+            Effort::Full => product(&[0.1, 0.2, 0.5, 1.2, 1.5], &[3e-3, 0.01, 0.03, 0.1]),
+        },
+        run: |[radius, share], _, _| change_size(radius, share),
         theory: |_, _| None,
     },
     Axis {
@@ -179,6 +210,72 @@ fn slows(density: f64, step: f64) -> Result<Sample> {
     Ok(Sample::new(verdict, worst, 1.0, tally))
 }
 
+/// A heavy droplet above the lower wall, thrown at it.
+fn thrown(gap: f64, way: f64) -> Result<Sample> {
+    let mut set = FluidSet::new(1.0, 0.1);
+    set.conditions = vec![
+        place_of("droplet", vec![]),
+        condition("walls", FlowCondition::NoSlip),
+        condition("end", FlowCondition::Open { pressure: 0.0 }),
+    ];
+    let half = 3.0;
+    let first = gap * EDGE;
+    let place = Vec2::new(0.0, 1.0 + first - half);
+    let dt = 1e-2;
+    let velocity = Vec2::new(0.0, -way * first / dt);
+    let mesh = Mesh::rectangle(&rectangle([half; 2], place))?;
+    let when = Remesh { every: 5, ..Remesh::default() };
+    let mut system =
+        system(&set, mesh, (place, velocity, Vec2::zeros()), material(1e3, 1.0, 1.0), when)?;
+    let (mut tally, mut least, mut fastest) = (Tally::default(), 1.0f64, 0.0f64);
+    for _ in 0..20 {
+        tally.add(&system.step(dt)?);
+        let Some(droplet) = droplet(&mut system) else { break };
+        let state = &droplet.state;
+        least = least.min((state.centre.y - state.radius + half) / first);
+        fastest = fastest.max(state.velocity.norm() / velocity.norm());
+    }
+    // A droplet is the polygon of its nodes, whose corners lie beyond its radius.
+    let allowed = (0.02 / first).min(1.0) - 1e-9;
+    let verdict = match (fastest <= 1.0 + 1e-9, least > 0.0 && least >= allowed.min(0.9)) {
+        (false, _) => Verdict::Unstable,
+        (true, true) => Verdict::Passes,
+        (true, false) => Verdict::Wrong,
+    };
+    Ok(Sample::new(verdict, least, allowed, tally))
+}
+
+/// A droplet at rest in a ring, which boils or grows by what condenses.
+fn change_size(target: f64, share: f64) -> Result<Sample> {
+    let (density, number) = (1.2, if target < 1.0 { 0.3 } else { -0.3 });
+    let hot = 200.0_f64.copysign(number);
+    let latent = CAPACITY / density * hot / number;
+    let (system, liquid) = (ring_of_gas(hot, latent, 1e3)?, PI * 1e3);
+    let mut system = system;
+    let rate = 2.0 * PI * CONDUCTIVITY / (CAPACITY / density) * (1.0 + number).ln() / RING.ln();
+    let dt = share * liquid / rate.abs();
+    let (mut tally, mut missing, mut beyond) = (Tally::default(), 0.0f64, 0.0f64);
+    let low = BOILING.min(BOILING + hot);
+    loop {
+        tally.add(&system.step(dt)?);
+        if let Some(fluid) = system.fluid() {
+            let out = fluid.accepted.scalar(HEAT).iter().map(|t| (low - t).max(t - low - hot.abs()));
+            beyond = out.fold(beyond, f64::max);
+        }
+        let Some(droplet) = droplet(&mut system) else { break };
+        let state = &droplet.state;
+        missing = missing.max((droplet.first - state.boiled - state.liquid).abs() / droplet.first);
+        let there = if target < 1.0 { state.radius <= target } else { state.radius >= target };
+        if there || tally.steps > 2000 || !state.radius.is_finite() {
+            break;
+        }
+    }
+    let sound = beyond < 1e-6 * hot.abs() && tally.steps <= 2000;
+    let sample = Sample::judge(missing.is_finite(), missing, 0.0, 1e-12, tally);
+    let verdict = if sound { sample.verdict } else { Verdict::Wrong };
+    Ok(Sample { verdict, ..sample })
+}
+
 fn ride(travel: f64, remesh: f64, steps: usize) -> Result<Sample> {
     let stream = Vec2::new(1.0, 0.0);
     let mut set = FluidSet::new(1.3, 0.01);
@@ -205,31 +302,35 @@ fn ride(travel: f64, remesh: f64, steps: usize) -> Result<Sample> {
     Ok(Sample::judge(off.is_finite(), off, 0.0, UNIFORM, tally))
 }
 
-fn boil(number: f64, step: f64) -> Result<Sample> {
-    let density = 1.2;
-    let diffusion = CAPACITY / CONDUCTIVITY;
+/// A droplet of liquid of a density, at rest, in a ring of gas whose outer wall is so much hotter, with the temperature of conduction between.
+fn ring_of_gas(hot: f64, latent: f64, density: f64) -> Result<Coupled<2>> {
     let mesh = annulus(1.0, RING, 8, 32);
-    let mut set = FluidSet::new(density, 1e-3);
-    set.scalars = vec![Scalar::new(TEMPERATURE, CAPACITY, CONDUCTIVITY)];
+    let mut set = FluidSet::new(1.2, 1e-3);
+    let heat = Scalar::new(TEMPERATURE, CAPACITY, CONDUCTIVITY);
+    set.scalars = vec![Scalar { form: Form::Monotone, ..heat }];
     let held = |value: f64| vec![ScalarCondition::Value(Prescribed::Uniform(value))];
-    let hot = 300.0;
     let outside = FlowCondition::Open { pressure: 0.0 };
     set.conditions = vec![
         place_of("inner", held(BOILING)),
         Condition { boundary: "outer".into(), flow: outside, scalars: held(BOILING + hot) },
     ];
-    // c (T - T_d) / L, with the capacity by mass.
-    let latent = CAPACITY / density * hot / number;
-    // So dense that it hardly shrinks.
-    let of = Material { held: true, ..material(1e12, density, latent) };
+    let of = Material { held: true, ..material(density, 1.2, latent) };
     let still = (Vec2::zeros(), Vec2::zeros(), Vec2::zeros());
-    let mut system = system(&set, mesh, still, of, Remesh { every: u64::MAX, angle: 0.0 })?;
+    let mut system = system(&set, mesh, still, of, Remesh { every: 25, ..Remesh::default() })?;
     if let Some(fluid) = system.fluid_mut() {
         let profile: Vec<f64> =
-            fluid.mesh.points.iter().map(|x| BOILING + hot * x.norm().ln() / RING.ln()).collect();
+            fluid.mesh.points.iter().map(|x| BOILING + hot * (x.norm().ln() / RING.ln()).clamp(0.0, 1.0)).collect();
         fluid.accepted.scalars[HEAT] = profile;
         fluid.start()?;
     }
+    Ok(system)
+}
+
+fn boil(number: f64, step: f64) -> Result<Sample> {
+    let (density, hot) = (1.2, 300.0);
+    let diffusion = CAPACITY / CONDUCTIVITY;
+    // c (T - T_d) / L, with the capacity by mass. So dense that it hardly shrinks.
+    let mut system = ring_of_gas(hot, CAPACITY / density * hot / number, 1e12)?;
     let mut tally = Tally::default();
     let steps = (40.0 / step).ceil().max(40.0) as usize;
     for _ in 0..steps {

@@ -7,7 +7,7 @@ use super::droplet::{material, place_of};
 use voidage_campaign::Effort;
 use voidage_coupling::closure::{Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
-use voidage_coupling::droplet::{Droplet, Material};
+use voidage_coupling::droplet::{Choices, Droplet, Inside, Material, WaterVoidage};
 use voidage_coupling::remesh::{Remesh, Remesher};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
@@ -32,6 +32,8 @@ const HOT: f64 = 773.15;
 /// What passes: deviation of a factor, share of the range of temperatures by which they may leave it, defects of what is exchanged and of the water,
 /// penetration over radius.
 const ALLOWED: f64 = 1e-3;
+/// Share by which the drag of the gas on a droplet may depend on the step.
+const DRAG: f64 = 3e-2;
 const BEYOND: f64 = 1e-9;
 const BALANCED: f64 = 1e-9;
 const PENETRATION: f64 = 1e-2;
@@ -54,14 +56,27 @@ pub const AXES: &[Axis] = &[
         theory: |_, _| Some(true),
     },
     Axis {
+        name: "droplet-bed",
+        title: "Factor by which a droplet between held grains is slowed by the gas in a step, over 1/(1 + a_d)",
+        source: "closed form: implicit drag of the gas",
+        labels: ["a_d = drag of the gas dt / mass of the droplet", "density of the droplet / of the gas"],
+        coupled: true,
+        points: |effort| match effort {
+            Effort::Quick => product(&[0.1, 10.0], &[1e3]),
+            Effort::Full => product(&[1e-3, 0.1, 1.0, 2.0, 10.0, 1e3, 1e6], &[1e2, 1e3, 1e6]),
+        },
+        run: |[drag, density], scheme, _| slowed(drag, density, scheme),
+        theory: |_, _| Some(true),
+    },
+    Axis {
         name: "droplet-grains",
         title: "Fastest droplet over what vapour and grains can give it: hot grains pass through it",
         source: "bounds: velocity of the vapour and the grains; temperatures of droplet and grains",
         labels: ["diameter of the grains / of the droplet", "solidity"],
         coupled: true,
         points: |effort| match effort {
-            Effort::Quick => product(&[0.1], &[0.476, 1.0]),
-            Effort::Full => product(&[0.05, 0.1, 0.2, 0.4], &[0.4, 0.476, 0.714, 1.0]),
+            Effort::Quick => product(&[0.1], &[0.476, 0.714]),
+            Effort::Full => product(&[0.05, 0.1, 0.2, 0.4], &[0.4, 0.476, 0.714]),
         },
         run: |[size, solidity], scheme, _| pass(Cloud { size, solidity, ..Cloud::default() }, scheme),
         theory: |_, _| None,
@@ -153,7 +168,8 @@ fn share(a: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
         Condition { boundary: "around".into(), flow: FlowCondition::Open { pressure: 0.0 }, scalars: vec![] },
     ];
     let of = material(dt * count * drag / a / liquid, 1e-12, 1.0);
-    let of = Material { water: Water { viscosity, ..of.water }, ..of };
+    let alone = Choices { inside: Inside { voidage: WaterVoidage::One }, ..Choices::default() };
+    let of = Material { water: Water { viscosity, ..of.water }, choices: alone, ..of };
     let grains = Dem::new(particles, vec![], vec![solid], weightless())?;
     let mut system = system(&set, of, grains, None, scheme)?;
     let mut tally = Tally::default();
@@ -176,6 +192,46 @@ fn share(a: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     }
     let bounded = last.abs() <= first;
     Ok(Sample::judge(bounded, 1.0 + worst, 1.0, ALLOWED, tally))
+}
+
+/// A droplet that creeps between held grains.
+fn slowed(drag: f64, density: f64, scheme: SchemeName) -> Result<Sample> {
+    // Drag that outweighs the inertia of the gas by far, so that it is in proportion to the velocity at once.
+    let (gas, creep) = (1e-9, 1e-12);
+    let step = |dt: f64| -> Result<(Sample, f64)> {
+        let solid = voidage_dem::Material { density: 1.0, solidity: 0.5, ..Default::default() };
+        let outside = |x: &Vec2| x.norm() > RADIUS + 1.5e-4;
+        let places = lattice([HALF - 1e-4; 2], 1.3e-4).into_iter().filter(outside).collect();
+        let mut particles = alike(places, 6e-5, &solid)?;
+        particles.mass.fill(f64::INFINITY);
+        let mut set = FluidSet::new(gas, 1.0);
+        set.properties.drag_in_stabilisation = true;
+        let open = FlowCondition::Open { pressure: 0.0 };
+        set.conditions = vec![
+            place_of("droplet", vec![]),
+            Condition { boundary: "around".into(), flow: open, scalars: vec![] },
+        ];
+        let grains = Dem::new(particles, vec![], vec![solid], weightless())?;
+        let mut system = system(&set, material(density * gas, gas, 1.0), grains, None, scheme)?;
+        if let Some(droplet) = system.fluid_mut().and_then(|fluid| fluid.live_droplet()) {
+            droplet.state.velocity = Vec2::new(0.6, 0.8) * (creep / dt.max(1.0));
+        }
+        let before = droplet(&mut system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
+        let mut tally = Tally::default();
+        tally.add(&system.step(dt)?);
+        let after = droplet(&mut system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
+        let factor = after.dot(&before) / before.norm_squared();
+        Ok((Sample::new(Verdict::Passes, factor, 1.0, tally), droplet(&mut system).map_or(f64::NAN, |d| {
+            -d.state.force.dot(&after) / after.norm_squared() / d.mass()
+        })))
+    };
+    // The drag over the mass, from a step of the time that it takes, so that the gas which must get going does not count.
+    let (_, first) = step(1.0)?;
+    let (_, rate) = step(1.0 / first)?;
+    let (sample, _) = step(drag / rate)?;
+    let expected = 1.0 / (1.0 + drag);
+    let measured = sample.measured / expected;
+    Ok(Sample::judge((0.0..=1.0).contains(&sample.measured), measured, 1.0, DRAG, sample.tally))
 }
 
 /// Hot grains that rise through a droplet.
@@ -233,9 +289,7 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
     let (mut tally, mut fastest, mut blown) = (Tally::default(), 0.0f64, 0.0f64);
     let (mut beyond, mut defect, mut penetration) = (0.0f64, 0.0f64, 0.0f64);
     for _ in 0..steps {
-        let Ok(report) = system.step(step) else {
-            return Ok(Sample::new(Verdict::Unstable, f64::NAN, 1.0, tally));
-        };
+        let report = system.step(step)?;
         tally.add(&report);
         let exchanged = [report.momentum_exchange_defect, report.energy_exchange_defect];
         defect = exchanged.into_iter().flatten().fold(defect, f64::max);
