@@ -36,8 +36,8 @@ pub fn bits(run: &mut Simulation) -> Vec<u64> {
     all.map(f64::to_bits).collect()
 }
 
-/// The quick case of the droplet with keys changed, and grains on a lattice in place of the bed: a cloud of hot grains around the droplet, that falls
-/// through it, unless the keys say otherwise.
+/// The quick case of the droplet with keys changed, and grains on a lattice in place of the bed: a cloud of hot
+/// grains around the droplet, that falls through it, unless the keys say otherwise.
 ///
 /// # Panics
 /// If the scene is not valid.

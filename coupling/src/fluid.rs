@@ -191,16 +191,13 @@ impl<const D: usize> Fluid<D> {
         Ok(())
     }
 
-    /// Whether no cell of the mesh would turn over if the last solution, which was over `dt`, were accepted; `grains` as in
+    /// Whether no cell of the mesh would turn over if the last solution, which was over `dt`, were accepted; `grains`
+    /// as in
     /// [`Self::accept_around`].
     ///
     /// # Errors
     /// No radius of the droplet fits the volumes.
-    pub fn fits(
-        &mut self,
-        dt: f64,
-        grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken,
-    ) -> Result<bool> {
+    pub fn fits(&mut self, dt: f64, grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken) -> Result<bool> {
         match alive(&mut self.droplet) {
             Some(droplet) => droplet.fits(dt, &mut self.mesh, grains),
             None => Ok(true),

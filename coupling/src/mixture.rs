@@ -276,8 +276,8 @@ impl<const D: usize> Mixture<D> {
         (droplet.travel(dt) / wet.smallest(), droplet.absorption * dt)
     }
 
-    /// Whether no cell of the mesh would turn over if the last solution of the fluid, which was over `dt`, were accepted: a droplet moves the
-    /// mesh.
+    /// Whether no cell of the mesh would turn over if the last solution of the fluid, which was over `dt`, were
+    /// accepted: a droplet moves the mesh.
     pub(crate) fn droplet_fits(&mut self, dt: f64) -> Result<bool> {
         let Self { grains, fluid, .. } = self;
         fluid.fits(dt, taken(grains, fluid.droplet.as_deref()))

@@ -10,8 +10,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 use voidage_fluid::flow::State;
-use voidage_fluid::{Mesh, Vector};
 use voidage_fluid::mesh::{Rectangle, Remeshed};
+use voidage_fluid::{Mesh, Vector};
 
 /// When a domain is remeshed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -44,8 +44,8 @@ pub struct Remesher<const D: usize> {
     tools: Tools<D>,
 }
 
-/// By how much interpolation to new meshes has changed the integrals of the fields. The volume stays, as the boundary does; the gas that takes
-/// the place of a droplet that vanishes does not count.
+/// By how much interpolation to new meshes has changed the integrals of the fields. The volume stays, as the boundary
+/// does; the gas that takes the place of a droplet that vanishes does not count.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Changed<const D: usize> {
     /// Of the velocity, m3/s (m4/s in space).
@@ -93,14 +93,7 @@ impl Remesher<2> {
     /// Remeshes a domain with edges as long as they are now.
     pub fn new(mesh: &Mesh<2>, when: Remesh) -> Self {
         let tools = Tools { make: Mesh::<2>::fill, angle: |mesh| mesh.quality().smallest_angle };
-        Self {
-            when,
-            spacing: mesh.spacing(),
-            domain: None,
-            last: 0,
-            changed: Changed::nothing(),
-            tools,
-        }
+        Self { when, spacing: mesh.spacing(), domain: None, last: 0, changed: Changed::nothing(), tools }
     }
 
     /// The same for a domain with a droplet: `domain` says how long edges should be without it.
@@ -181,7 +174,13 @@ impl<const D: usize> Fluid<D> {
             (None, Some(droplet)) if !droplet.state.gone => droplet.motion(),
             _ => Vec::new(),
         };
-        Some(RemeshState { mesh: self.mesh.clone(), motion, spacing: spacing.clone(), last: *last, changed: changed.clone() })
+        Some(RemeshState {
+            mesh: self.mesh.clone(),
+            motion,
+            spacing: spacing.clone(),
+            last: *last,
+            changed: changed.clone(),
+        })
     }
 
     fn take_remeshed(&mut self, state: RemeshState<D>) -> Result<()> {

@@ -14,11 +14,13 @@
 //! <<eps w . n, q>> + sum over chords of solid v . n q - j <<1, q>>
 //! ```
 //!
-//! The chords are where the surface cuts grains that move through it. Where the velocity of the vapour is taken for an interstitial one
-//! ([`Blowing`]), u = w + j s/|s| is held, and <<eps j, q>> passes: of the vapour the share of the voidage.
+//! The chords are where the surface cuts grains that move through it. Where the velocity of the vapour is taken for
+//! an interstitial one ([`Blowing`]), u = w + j s/|s| is held, and <<eps j, q>> passes: of the vapour the share of
+//! the voidage.
 //!
-//! **Vapour.** The body boils at the rate of the heat that it gets; j = (Q + given) / (latent P), P the perimeter. Heat of the fluid is the
-//! reaction Q = -sum over its nodes of (A T - b), with the equations of these nodes before the prescribed temperature took their places, or, if
+//! **Vapour.** The body boils at the rate of the heat that it gets; j = (Q + given) / (latent P), P the perimeter.
+//! Heat of the fluid is the reaction Q = -sum over its nodes of (A T - b), with the equations of these nodes before
+//! the prescribed temperature took their places, or, if
 //! [`HeatFlux`] says so, the integral -<<eps K grad T . n, 1>> of the gradients in the cells at the surface.
 //!
 //! **Motion.** The force of the fluid is the reaction F = -sum over its nodes of (K x - b) of the momentum rows. It is affine in U: with
@@ -94,7 +96,8 @@ pub enum Blowing {
     /// Superficial, eps u: all of the vapour arrives in the fluid.
     #[default]
     Superficial,
-    /// Interstitial, u: of the vapour the share of the voidage at the surface arrives in the fluid, and the rest is lost.
+    /// Interstitial, u: of the vapour the share of the voidage at the surface arrives in the fluid, and the rest is
+    /// lost.
     Interstitial,
 }
 
@@ -105,8 +108,8 @@ pub enum HeatFlux {
     /// The reaction of the discrete equations: what the fluid loses. Order 2 in the mesh.
     #[default]
     Reaction,
-    /// The integral of the discrete gradient at the surface. Order 1 in the mesh; the fluid loses more than the body gets where the mesh does not
-    /// resolve its thermal layer.
+    /// The integral of the discrete gradient at the surface. Order 1 in the mesh; the fluid loses more than the body
+    /// gets where the mesh does not resolve its thermal layer.
     Gradient,
 }
 
@@ -430,8 +433,8 @@ impl<const D: usize> Body<D> {
     }
 }
 
-/// What a scalar of this conductivity gives to a part of the boundary by its gradients there, -<<eps K grad s . n, 1>>, W for heat (W/m in the
-/// plane).
+/// What a scalar of this conductivity gives to a part of the boundary by its gradients there, -<<eps K grad s . n,
+/// 1>>, W for heat (W/m in the plane).
 pub(crate) fn conducted<const D: usize, const B: usize>(
     geometry: &Geometry<D, B>,
     boundary: &str,

@@ -377,10 +377,22 @@ fn mistakes_of_a_droplet_are_named() {
             ["boundary = \"droplet\"", "boundary = \"droplet\"\nheld = 1"],
             ["droplet.held", "expected a boolean"],
         ),
-        (["boundary = \"droplet\"", "boundary = \"droplet\"\ngrain_share = \"round\""], ["grain_share", "disc"]),
-        (["boundary = \"droplet\"", "boundary = \"droplet\"\nblowing = \"mean\""], ["blowing", "interstitial"]),
-        (["boundary = \"droplet\"", "boundary = \"droplet\"\nheat_flux = \"both\""], ["heat_flux", "gradient"]),
-        (["boundary = \"droplet\"", "boundary = \"droplet\"\nbuoyancy = \"all\""], ["buoyancy", "hydrostatic"]),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\ngrain_share = \"round\""],
+            ["grain_share", "disc"],
+        ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\nblowing = \"mean\""],
+            ["blowing", "interstitial"],
+        ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\nheat_flux = \"both\""],
+            ["heat_flux", "gradient"],
+        ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\nbuoyancy = \"all\""],
+            ["buoyancy", "hydrostatic"],
+        ),
         (
             ["boundary = \"droplet\"", "boundary = \"droplet\"\ninside = { voidage = \"two\" }"],
             ["voidage", "one"],

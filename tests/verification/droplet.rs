@@ -4,8 +4,8 @@ use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
 use voidage_scene::{Scene, Simulation};
 use voidage_tests::{bits, droplet_scene as scene, reading};
 
-/// What the droplet holds: mass, velocity (y), impulse and heat that it has still to get, volume that it owes, the share of its vapour that the gas would get
-/// of an interstitial velocity, and the pores of the grains in it.
+/// What the droplet holds: mass, velocity (y), impulse and heat that it has still to get, volume that it owes, the
+/// share of its vapour that the gas would get of an interstitial velocity, and the pores of the grains in it.
 struct Books {
     mass: f64,
     velocity: f64,
@@ -213,7 +213,8 @@ fn a_droplet_that_boils_away_leaves_gas_in_its_place() {
 #[test]
 fn the_mesh_is_made_anew_before_a_cell_turns_over() {
     // Nothing else remeshes, and the droplet sinks by two of its radii.
-    let sets = ["droplet.remesh={every=1000000,angle=0.0}", "droplet.held=true", "droplet.velocity=[0.0,-0.2]"];
+    let sets =
+        ["droplet.remesh={every=1000000,angle=0.0}", "droplet.held=true", "droplet.velocity=[0.0,-0.2]"];
     for scheme in ["henry", "iterated"] {
         let scheme = format!("coupling.scheme={scheme:?}");
         let mut run = Simulation::new(&scene(&[&sets[..], &[&scheme]].concat())).expect("a valid scene");

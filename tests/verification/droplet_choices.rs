@@ -40,7 +40,8 @@ fn droplet(run: &Simulation) -> &Droplet<2> {
 /// Velocity of a grain of 55 um and density 3200 in water at which its drag is the weight of a density, m/s.
 fn terminal(density: f64) -> f64 {
     let drag = |slip: f64| {
-        let around = Surroundings { slip, voidage: 1.0, diameter: 5.5e-5, density: 958.4, viscosity: 2.82e-4 };
+        let around =
+            Surroundings { slip, voidage: 1.0, diameter: 5.5e-5, density: 958.4, viscosity: 2.82e-4 };
         Drag::Dallavalle.coefficient(&around, VoidageFunction::None) * slip
     };
     let (mut low, mut high) = (0.0, 1.0);
@@ -121,7 +122,8 @@ fn how_far_a_droplet_sinks_between_held_grains_is_of_first_order_in_the_step() {
         "grains[0].placement={lattice={lower=[0.0018,0.0045],upper=[0.0042,0.0075],spacing=1.2}}",
         "grains[0].velocity=[0.0,0.0]",
         "droplet.remesh={every=1000000,angle=0.0}",
-        // So thin that the stabilisation of the pressure, and with it the error of the mesh, does not depend on the step.
+        // So thin that the stabilisation of the pressure, and with it the error of the mesh, does not depend on the
+        // step.
         "fluid.density=1e-2",
     ];
     let sinks = |halvings: i32| {

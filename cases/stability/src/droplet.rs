@@ -1,4 +1,5 @@
-//! A droplet alone in its gas: as light as one likes, moving across many cells a step, boiling in a gas as hot as one likes.
+//! A droplet alone in its gas: as light as one likes, moving across many cells a step, boiling in a gas as hot as one
+//! likes.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use std::f64::consts::PI;
@@ -39,7 +40,9 @@ pub const AXES: &[Axis] = &[
         coupled: false,
         points: |effort| match effort {
             Effort::Quick => product(&[1e-2, 1e3], &[1e-2, 1e2]),
-            Effort::Full => product(&[1e-2, 0.1, 1.0, 10.0, 1e3, 1e6], &[1e-3, 1e-2, 0.1, 1.0, 10.0, 1e2, 1e3]),
+            Effort::Full => {
+                product(&[1e-2, 0.1, 1.0, 10.0, 1e3, 1e6], &[1e-3, 1e-2, 0.1, 1.0, 10.0, 1e2, 1e3])
+            }
         },
         run: |[density, step], _, _| slows(density, step),
         theory: |_, _| None,
@@ -225,8 +228,7 @@ fn thrown(gap: f64, way: f64) -> Result<Sample> {
     let velocity = Vec2::new(0.0, -way * first / dt);
     let mesh = Mesh::rectangle(&rectangle([half; 2], place))?;
     let when = Remesh { every: 5, ..Remesh::default() };
-    let mut system =
-        system(&set, mesh, (place, velocity, Vec2::zeros()), material(1e3, 1.0, 1.0), when)?;
+    let mut system = system(&set, mesh, (place, velocity, Vec2::zeros()), material(1e3, 1.0, 1.0), when)?;
     let (mut tally, mut least, mut fastest) = (Tally::default(), 1.0f64, 0.0f64);
     for _ in 0..20 {
         tally.add(&system.step(dt)?);
@@ -302,7 +304,8 @@ fn ride(travel: f64, remesh: f64, steps: usize) -> Result<Sample> {
     Ok(Sample::judge(off.is_finite(), off, 0.0, UNIFORM, tally))
 }
 
-/// A droplet of liquid of a density, at rest, in a ring of gas whose outer wall is so much hotter, with the temperature of conduction between.
+/// A droplet of liquid of a density, at rest, in a ring of gas whose outer wall is so much hotter, with the
+/// temperature of conduction between.
 fn ring_of_gas(hot: f64, latent: f64, density: f64) -> Result<Coupled<2>> {
     let mesh = annulus(1.0, RING, 8, 32);
     let mut set = FluidSet::new(1.2, 1e-3);
@@ -318,8 +321,12 @@ fn ring_of_gas(hot: f64, latent: f64, density: f64) -> Result<Coupled<2>> {
     let still = (Vec2::zeros(), Vec2::zeros(), Vec2::zeros());
     let mut system = system(&set, mesh, still, of, Remesh { every: 25, ..Remesh::default() })?;
     if let Some(fluid) = system.fluid_mut() {
-        let profile: Vec<f64> =
-            fluid.mesh.points.iter().map(|x| BOILING + hot * (x.norm().ln() / RING.ln()).clamp(0.0, 1.0)).collect();
+        let profile: Vec<f64> = fluid
+            .mesh
+            .points
+            .iter()
+            .map(|x| BOILING + hot * (x.norm().ln() / RING.ln()).clamp(0.0, 1.0))
+            .collect();
         fluid.accepted.scalars[HEAT] = profile;
         fluid.start()?;
     }

@@ -1,5 +1,5 @@
-//! Grains in a droplet: they share their momentum with the water, whatever the drag, and pass its surface, whatever their size and solidity
-//! and however much boils.
+//! Grains in a droplet: they share their momentum with the water, whatever the drag, and pass its surface, whatever
+//! their size and solidity and however much boils.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::GAS;
@@ -29,8 +29,8 @@ const CONDUCTIVITY: f64 = 0.026;
 const LATENT: f64 = 2.257e6;
 const BOILING: f64 = 373.15;
 const HOT: f64 = 773.15;
-/// What passes: deviation of a factor, share of the range of temperatures by which they may leave it, defects of what is exchanged and of the water,
-/// penetration over radius.
+/// What passes: deviation of a factor, share of the range of temperatures by which they may leave it, defects of what
+/// is exchanged and of the water, penetration over radius.
 const ALLOWED: f64 = 1e-3;
 /// Share by which the drag of the gas on a droplet may depend on the step.
 const DRAG: f64 = 3e-2;
@@ -156,8 +156,7 @@ fn share(a: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     let places = lattice([1.5e-4; 2], 1.2e-4);
     let count = places.len() as f64;
     let mut particles = alike(places, radius, &solid)?;
-    let around =
-        Surroundings { slip: creep, voidage: 1.0, diameter: 2.0 * radius, density: 1.0, viscosity };
+    let around = Surroundings { slip: creep, voidage: 1.0, diameter: 2.0 * radius, density: 1.0, viscosity };
     let mut set = FluidSet::new(1e-12, 1e-12);
     let drag = particles.volume[0] * set.laws(None).drag.coefficient(&around, VoidageFunction::None);
     particles.mass.fill(dt * drag / b);
@@ -221,11 +220,14 @@ fn slowed(drag: f64, density: f64, scheme: SchemeName) -> Result<Sample> {
         tally.add(&system.step(dt)?);
         let after = droplet(&mut system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
         let factor = after.dot(&before) / before.norm_squared();
-        Ok((Sample::new(Verdict::Passes, factor, 1.0, tally), droplet(&mut system).map_or(f64::NAN, |d| {
-            -d.state.force.dot(&after) / after.norm_squared() / d.mass()
-        })))
+        Ok((
+            Sample::new(Verdict::Passes, factor, 1.0, tally),
+            droplet(&mut system)
+                .map_or(f64::NAN, |d| -d.state.force.dot(&after) / after.norm_squared() / d.mass()),
+        ))
     };
-    // The drag over the mass, from a step of the time that it takes, so that the gas which must get going does not count.
+    // The drag over the mass, from a step of the time that it takes, so that the gas which must get going does not
+    // count.
     let (_, first) = step(1.0)?;
     let (_, rate) = step(1.0 / first)?;
     let (sample, _) = step(drag / rate)?;
@@ -262,8 +264,8 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
         ..Default::default()
     };
     let extent = [HALF - 4.0 * RADIUS * size, HALF - 4.0 * RADIUS * size];
-    let mut particles = alike(lattice(extent, 2.3 * radius), radius, &solid)?
-        .heated(HOT, std::slice::from_ref(&solid))?;
+    let mut particles =
+        alike(lattice(extent, 2.3 * radius), radius, &solid)?.heated(HOT, std::slice::from_ref(&solid))?;
     particles.velocity.fill(Vec2::new(0.0, speed));
     let count = particles.len();
     let mut set = FluidSet::new(GAS.fluid, GAS.set().properties.viscosity);
@@ -308,7 +310,11 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
         let state = &droplet.state;
         let around = 2.0 * std::f64::consts::PI * state.radius;
         blown = blown.max(state.vapour / around);
-        fastest = if state.velocity.norm().is_finite() { fastest.max(state.velocity.norm()) } else { f64::INFINITY };
+        fastest = if state.velocity.norm().is_finite() {
+            fastest.max(state.velocity.norm())
+        } else {
+            f64::INFINITY
+        };
         let water = (droplet.first - state.boiled - state.liquid).abs() / droplet.first;
         defect = defect.max(water);
         if fastest > RUNAWAY * (speed + blown) {

@@ -1,5 +1,5 @@
-//! What the equations of a droplet leave to choose. The defaults are what this program holds for right; the others are what else the paper
-//! may mean, to study what depends on it.
+//! What the equations of a droplet leave to choose. The defaults are what this program holds for right; the others
+//! are what else the paper may mean, to study what depends on it.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,8 +27,9 @@ pub enum GrainShare {
     /// Its solid volume: water is where gas was between the spheres that a disc of a solidity below one stands for.
     #[default]
     Solid,
-    /// Its disc: as if no water came between them. The water then sees a packing as dense as that of the discs, drags, heats and presses on
-    /// these volumes, and the gas in the pores of a grain that it takes in goes out through the surface.
+    /// Its disc: as if no water came between them. The water then sees a packing as dense as that of the discs,
+    /// drags, heats and presses on these volumes, and the gas in the pores of a grain that it takes in goes out
+    /// through the surface.
     Disc,
 }
 
@@ -36,8 +37,8 @@ pub enum GrainShare {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Buoyancy {
-    /// -F/V, the mean over the droplet of what the gas presses on its surface with: rho_w g in a droplet that the gas carries, nothing in one that falls
-    /// freely.
+    /// -F/V, the mean over the droplet of what the gas presses on its surface with: rho_w g in a droplet that the gas
+    /// carries, nothing in one that falls freely.
     #[default]
     Surface,
     /// rho_w g, as in water at rest.

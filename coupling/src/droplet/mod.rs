@@ -23,8 +23,9 @@
 //! rdot = (c_U + c_v - mdot/rho_w + eta C/dt) / E,   E = int eps s . (-n),   c_U = int eps U . n,   c_v = sum over chords of solid v . n
 //! ```
 //!
-//! Where the water fills no pores of the grains ([`GrainShare::Disc`]), V_p has their discs and the gas of their pores is pushed out at
-//! the surface: solid v . n is then length v . n of the whole chord, and eps is less by the pores along the chords.
+//! Where the water fills no pores of the grains ([`GrainShare::Disc`]), V_p has their discs and the gas of their
+//! pores is pushed out at the surface: solid v . n is then length v . n of the whole chord, and eps is less by the
+//! pores along the chords.
 //!
 //! What then is missing, because U and mdot were those of before, adds up in C and is given back, as what grains and gas disagree in is
 //! (`scheme::anchored`); so are the impulse J and the heat E of grains that moved otherwise than expected.

@@ -265,7 +265,8 @@ impl<const D: usize> Droplet<D> {
         Ok(End { rate, boils, place: Some((centre, radius)) })
     }
 
-    /// Whether no cell of the mesh would turn over if the step in hand, which was over `dt`, were accepted. `grains` says what the grains take of a droplet.
+    /// Whether no cell of the mesh would turn over if the step in hand, which was over `dt`, were accepted. `grains`
+    /// says what the grains take of a droplet.
     ///
     /// # Errors
     /// No radius fits the volumes.
@@ -285,8 +286,8 @@ impl<const D: usize> Droplet<D> {
         Ok(fits)
     }
 
-    /// Moves by the step in hand, which was over `dt`: liquid, centre, radius and the nodes of the mesh. `grains` says what the grains take of
-    /// such a droplet.
+    /// Moves by the step in hand, which was over `dt`: liquid, centre, radius and the nodes of the mesh. `grains`
+    /// says what the grains take of such a droplet.
     ///
     /// # Errors
     /// A cell of the mesh would turn over; no radius fits the volumes.
@@ -343,8 +344,8 @@ impl<const D: usize> Droplet<D> {
     }
 }
 
-/// The radius r with pi r^2 = liquid + volume(r) of grains, from a guess: by Newton's method, kept between the radius of the liquid alone and twice the
-/// guess.
+/// The radius r with pi r^2 = liquid + volume(r) of grains, from a guess: by Newton's method, kept between the radius
+/// of the liquid alone and twice the guess.
 fn radius(liquid: f64, guess: f64, grains: impl Fn(f64) -> Taken) -> Result<f64> {
     const STEPS: usize = 100;
     let pi = std::f64::consts::PI;

@@ -8,9 +8,9 @@
 //! ```
 //!
 //! with gamma_w = V_w times the drag law of the water at the voidage V_f/V of the droplet, and its pressure gradient -F/V the mean over the droplet of what
-//! the gas presses on its surface with (Gauss), so that the force F on the droplet is shared by water and grains by volume; [`super::Choices`]
-//! has others.
-//! Drag and heat are implicit in the motion of the grains with every scheme: the water would else throw them out within a step.
+//! the gas presses on its surface with (Gauss), so that the force F on the droplet is shared by water and grains by
+//! volume; [`super::Choices`] has others. Drag and heat are implicit in the motion of the grains with every scheme:
+//! the water would else throw them out within a step.
 
 use super::choices::GrainShare;
 use super::surface::{Chord, Surface};
@@ -349,7 +349,8 @@ impl<const D: usize> Wet<D> {
         for wet in &self.grains {
             let slip = wet.mobility * wet.drag;
             sum.volume += wet.volume;
-            sum.pores.volume += wet.share * (wet.filled - wet.solidity) * std::f64::consts::PI * wet.radius.powi(2);
+            sum.pores.volume +=
+                wet.share * (wet.filled - wet.solidity) * std::f64::consts::PI * wet.radius.powi(2);
             sum.widest = sum.widest.max(2.0 * wet.radius);
             sum.inertia += wet.drag * (1.0 - slip);
             sum.force += (wet.response - stream.velocity * slip) * wet.drag;

@@ -198,8 +198,8 @@ fn ride(edge: f64) -> Result<(f64, f64)> {
     Ok((off, felt))
 }
 
-/// A step of a boiling disc that is free to move, seen by somebody who moves with a velocity: the pressure, and velocities, force and vapour as
-/// they are for somebody at rest.
+/// A step of a boiling disc that is free to move, seen by somebody who moves with a velocity: the pressure, and
+/// velocities, force and vapour as they are for somebody at rest.
 fn seen(shift: Vec2) -> Result<(Vec<f64>, Vec<Vec2>, [Vec2; 2], f64)> {
     let mut rectangle = channel_of(3.0, 4.0, 0.2);
     rectangle.sides.right = Side::named("end");
@@ -242,7 +242,8 @@ fn seen(shift: Vec2) -> Result<(Vec<f64>, Vec<Vec2>, [Vec2; 2], f64)> {
     Ok((solution.pressure.clone(), velocity, [moves - shift, balances[0].force], vapour))
 }
 
-/// Largest change of pressure, velocities, force and vapour of a boiling disc by a velocity of all that moves, as a share of the largest of each.
+/// Largest change of pressure, velocities, force and vapour of a boiling disc by a velocity of all that moves, as a
+/// share of the largest of each.
 fn shifted() -> Result<f64> {
     let (still, moves) = (seen(Vec2::zeros())?, seen(Vec2::new(1.7, -2.9))?);
     let of = |a: &[f64], b: &[f64]| {

@@ -1,10 +1,12 @@
 //! A disc that blows, or moves, in a bed of held grains below its free surface: Darcy's flow in a half-plane.
 //!
-//! With the pressure zero at the surface, a disc of radius r at the depth D, and coordinates (tau, sigma) that are constant on the circles around
-//! it (bipolar, a = r sinh tau_0, D = r cosh tau_0), the pressure that obeys Laplace's equation and has the flux q on the disc is
+//! With the pressure zero at the surface, a disc of radius r at the depth D, and coordinates (tau, sigma) that are
+//! constant on the circles around it (bipolar, a = r sinh tau_0, D = r cosh tau_0), the pressure that obeys Laplace's
+//! equation and has the flux q on the disc is
 //!
 //! ```text
-//! p = A_0 tau + sum A_n sinh(n tau) cos(n sigma) + B_n sinh(n tau) sin(n sigma),     dp/dtau = kappa q h on the disc,  h = a/(cosh tau_0 - cos sigma)
+//! p = A_0 tau + sum A_n sinh(n tau) cos(n sigma) + B_n sinh(n tau) sin(n sigma)
+//! dp/dtau = kappa q h on the disc,  h = a/(cosh tau_0 - cos sigma)
 //! ```
 //!
 //! kappa the pressure gradient over the superficial velocity; h dsigma is the length along it.
@@ -50,8 +52,7 @@ fn exact(depth: f64) -> Exact {
     let width = 2.0 * PI / PLACES as f64;
     let length = |sigma: f64| reach / (end.cosh() - sigma.cos());
     // Out of the disc: along the surface, and down.
-    let normal =
-        |sigma: f64| Vec2::new(length(sigma) * sigma.sin(), length(sigma) * end.sinh() - depth);
+    let normal = |sigma: f64| Vec2::new(length(sigma) * sigma.sin(), length(sigma) * end.sinh() - depth);
     // The pressure on the disc for a flux out of it, over kappa.
     let pressure = |flux: &dyn Fn(f64) -> f64| -> Vec<f64> {
         let given: Vec<f64> = (0..PLACES).map(|k| flux(angle(k)) * length(angle(k))).collect();
@@ -102,7 +103,13 @@ fn measure(depth: f64, does: Does, edge: f64) -> Result<(f64, f64)> {
             bottom: Side::named("sides"),
             top: Side::named("top"),
         },
-        holes: vec![Hole { name: "disc".into(), centre: [0.0, -depth], radius: 1.0, size: edge, growth: 0.15 }],
+        holes: vec![Hole {
+            name: "disc".into(),
+            centre: [0.0, -depth],
+            radius: 1.0,
+            size: edge,
+            growth: 0.15,
+        }],
         refine: vec![],
         structured: None,
     })?;

@@ -22,7 +22,8 @@ pub const CASE: Case = Case {
     name: "stefan",
     group: "fluid",
     title: "mass rate and temperature of a still boiling disc whose vapour blows off against the heat",
-    source: "exact: mdot = (2 pi k/c) ln(1 + B)/ln(R/r_d), B = c (T_w - T_d)/L; T - T_d = (L/c) ((r/r_d)^(mdot c/(2 pi k)) - 1); \
+    source: "exact: mdot = (2 pi k/c) ln(1 + B)/ln(R/r_d), B = c (T_w - T_d)/L; \
+             T - T_d = (L/c) ((r/r_d)^(mdot c/(2 pi k)) - 1); \
              quasi-steady, as it shrinks: t = rho_w c/(4 k ln(1 + B)) [r_0^2 (1 + 2 ln R/r_0) - r^2 (1 + 2 ln R/r)]",
     run,
 };
@@ -63,8 +64,8 @@ fn exact_vapour(x: Vec2, wall: f64) -> f64 {
     1.0 - grown(x.norm()) / grown(WALL)
 }
 
-/// Time in which a disc of liquid shrinks from its first radius to a share of it while heat and vapour are always as in the steady state of its
-/// radius, s: the integral of rho_w 2 pi r dr / mdot(r).
+/// Time in which a disc of liquid shrinks from its first radius to a share of it while heat and vapour are always as
+/// in the steady state of its radius, s: the integral of rho_w 2 pi r dr / mdot(r).
 fn exact_time(wall: f64, share: f64) -> f64 {
     let number = CAPACITY * (wall - BOILING) / LATENT;
     let term = |r: f64| r * r * (1.0 + 2.0 * (WALL / r).ln());
@@ -126,12 +127,7 @@ fn ring_of_gas(wall: f64, heat_flux: HeatFlux) -> FluidSet {
         radius: DISC,
         expansion: 0.0,
         motion: BodyMotion::Held(Vec2::zeros()),
-        evaporation: Some(Evaporation {
-            scalar: Some(HEAT),
-            heat_flux,
-            heat: 0.0,
-            latent: LATENT * DENSITY,
-        }),
+        evaporation: Some(Evaporation { scalar: Some(HEAT), heat_flux, heat: 0.0, latent: LATENT * DENSITY }),
         blowing: Blowing::default(),
         solid: vec![],
     };

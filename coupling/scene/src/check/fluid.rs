@@ -235,7 +235,9 @@ pub(super) fn droplet(scene: &Scene, droplet: &Droplet) -> Checked {
 
 /// Checks of what a droplet leaves to choose: a choice that nothing depends on is a mistake.
 fn choices(scene: &Scene, droplet: &Droplet) -> Checked {
-    if droplet.heat_flux != Default::default() && scene.fluid.as_ref().is_none_or(|fluid| fluid.heat.is_none()) {
+    if droplet.heat_flux != Default::default()
+        && scene.fluid.as_ref().is_none_or(|fluid| fluid.heat.is_none())
+    {
         let message = "`droplet.heat_flux` is there, but the gas has no temperature";
         return fail(scene, "droplet.heat_flux", message, "add `[fluid.heat]`, or take it away");
     }

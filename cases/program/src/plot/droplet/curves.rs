@@ -109,8 +109,8 @@ impl<'a> Run<'a> {
         self.over_time(lifetime.iter().map(|lifetime| if *lifetime > 0.0 { *lifetime } else { f64::NAN }))
     }
 
-    /// Vertical forces on the liquid over its weight at time zero: weight, gas, grains, and the sum, which moves it. Grains act by their drag and by the
-    /// pressure of the water on them.
+    /// Vertical forces on the liquid over its weight at time zero: weight, gas, grains, and the sum, which moves it.
+    /// Grains act by their drag and by the pressure of the water on them.
     fn forces(&self) -> Option<Parts> {
         let mass = self.column("droplet_liquid_kg_per_m")?;
         let gas = self.column("droplet_gas_force_y_N_per_m")?;
