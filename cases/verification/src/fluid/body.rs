@@ -198,9 +198,17 @@ fn ride(edge: f64) -> Result<(f64, f64)> {
     Ok((off, felt))
 }
 
-/// A step of a boiling disc that is free to move, seen by somebody who moves with a velocity: the pressure, and
-/// velocities, force and vapour as they are for somebody at rest.
-fn seen(shift: Vec2) -> Result<(Vec<f64>, Vec<Vec2>, [Vec2; 2], f64)> {
+/// A step of a boiling disc that is free to move, as it is for somebody at rest.
+struct Seen {
+    pressure: Vec<f64>,
+    fluid: Vec<Vec2>,
+    disc: Vec2,
+    force: Vec2,
+    vapour: f64,
+}
+
+/// What somebody sees of it who moves with a velocity.
+fn seen(shift: Vec2) -> Result<Seen> {
     let mut rectangle = channel_of(3.0, 4.0, 0.2);
     rectangle.sides.right = Side::named("end");
     let mesh = Mesh::rectangle(&rectangle)?;
@@ -235,11 +243,15 @@ fn seen(shift: Vec2) -> Result<(Vec<f64>, Vec<Vec2>, [Vec2; 2], f64)> {
     flow.solve(dt, &clear, None, &set.conditions)?;
     let mut balances = vec![];
     flow.balances(&clear, &set.conditions, &mut balances);
-    let answer = flow.bodies().next();
-    let (moves, vapour) = answer.map_or((Vec2::zeros(), f64::NAN), |body| (body.velocity, body.vapour));
     let solution = flow.solution();
-    let velocity = solution.velocity.iter().map(|u| u - shift).collect();
-    Ok((solution.pressure.clone(), velocity, [moves - shift, balances[0].force], vapour))
+    let body = flow.bodies().next();
+    Ok(Seen {
+        pressure: solution.pressure.clone(),
+        fluid: solution.velocity.iter().map(|u| u - shift).collect(),
+        disc: body.map_or_else(Vec2::zeros, |body| body.velocity - shift),
+        force: balances[0].force,
+        vapour: body.map_or(f64::NAN, |body| body.vapour),
+    })
 }
 
 /// Largest change of pressure, velocities, force and vapour of a boiling disc by a velocity of all that moves, as a
@@ -252,11 +264,11 @@ fn shifted() -> Result<f64> {
     };
     let flat = |all: &[Vec2]| all.iter().flat_map(|v| [v.x, v.y]).collect::<Vec<f64>>();
     let changes = [
-        of(&still.0, &moves.0),
-        of(&flat(&still.1), &flat(&moves.1)),
-        of(&flat(&still.2[..1]), &flat(&moves.2[..1])),
-        of(&flat(&still.2[1..]), &flat(&moves.2[1..])),
-        of(&[still.3], &[moves.3]),
+        of(&still.pressure, &moves.pressure),
+        of(&flat(&still.fluid), &flat(&moves.fluid)),
+        of(&flat(&[still.disc]), &flat(&[moves.disc])),
+        of(&flat(&[still.force]), &flat(&[moves.force])),
+        of(&[still.vapour], &[moves.vapour]),
     ];
     Ok(changes.into_iter().fold(0.0, f64::max))
 }
