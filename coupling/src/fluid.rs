@@ -4,6 +4,7 @@ use crate::StepReport;
 use crate::TEMPERATURE;
 use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
 use crate::droplet::surface::Surface;
+use crate::droplet::wet::Taken;
 use crate::droplet::{Droplet, DropletState};
 use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
@@ -168,26 +169,39 @@ impl<const D: usize> Fluid<D> {
     /// # Errors
     /// The droplet moves so far that a cell of the mesh would turn over.
     pub fn accept(&mut self, dt: f64) -> Result<()> {
-        self.accept_around(dt, |_, _, _| (0.0, 0.0))
+        self.accept_around(dt, |_, _, _| Taken::default())
     }
 
-    /// The same where grains may be in the droplet: `solid` is their volume within a surface (m2) and its growth with the radius (m).
+    /// The same where grains may be in the droplet: `grains` says what they take of it within a surface.
     ///
     /// # Errors
     /// The droplet moves so far that a cell of the mesh would turn over.
     pub fn accept_around(
         &mut self,
         dt: f64,
-        solid: impl Fn(&Surface<D>, &Vector<D>, f64) -> (f64, f64),
+        grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken,
     ) -> Result<()> {
         self.backend.accept();
         std::mem::swap(&mut self.accepted, &mut self.solution.fields);
         self.clock.time += dt;
         if let Some(droplet) = alive(&mut self.droplet) {
-            droplet.accept(dt, &mut self.mesh, solid)?;
+            droplet.accept(dt, &mut self.mesh, grains)?;
             self.nodal_volume = self.mesh.nodal_volume();
         }
         Ok(())
+    }
+
+    /// Whether no cell of the mesh would turn over if the last solution, which was over `dt`, were accepted; `grains`
+    /// as in
+    /// [`Self::accept_around`].
+    ///
+    /// # Errors
+    /// No radius of the droplet fits the volumes.
+    pub fn fits(&mut self, dt: f64, grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken) -> Result<bool> {
+        match alive(&mut self.droplet) {
+            Some(droplet) => droplet.fits(dt, &mut self.mesh, grains),
+            None => Ok(true),
+        }
     }
 
     /// Puts another solver around the one that there is, which has its mesh.

@@ -2,7 +2,9 @@
 
 use crate::backend::Immersed;
 use crate::closure::Surroundings;
-use crate::droplet::wet::solid_within;
+use crate::droplet::surface::Surface;
+use crate::droplet::wet::{Taken, taken_within};
+use crate::droplet::{Droplet, GrainShare};
 use crate::exchange::{OnMesh, Rigid};
 use crate::interaction::relative;
 use crate::load::GrainLoad;
@@ -11,6 +13,7 @@ use crate::{Error, Fluid, HEAT, Interaction, Notice, Result, StepReport, overlap
 use rayon::prelude::*;
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
+use voidage_fluid::Vector;
 use voidage_fluid::conditions::ScalarCondition;
 
 /// Grains in a fluid. A [scheme](crate::scheme::Scheme) advances it by the phases below.
@@ -46,13 +49,23 @@ fn moved(now: voidage_dem::StepReport, start: Instant, report: &mut StepReport) 
     report.phases.contacts += start.elapsed().as_secs_f64();
 }
 
+/// What the grains take of a droplet with another surface.
+fn taken<'a, const D: usize>(
+    grains: &'a Dem<D>,
+    droplet: Option<&Droplet<D>>,
+) -> impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken + use<'a, D> {
+    let share = droplet.map_or_else(GrainShare::default, |droplet| droplet.material.choices.grain_share);
+    move |surface, centre, radius| taken_within(&grains.particles, surface, (centre, radius), share)
+}
+
 impl<const D: usize> Mixture<D> {
     /// Grains in a fluid, before their first step. Of a droplet that holds grains already the rest is liquid.
     pub fn new(grains: Dem<D>, mut fluid: Fluid<D>, interaction: Interaction<D>) -> Self {
         if let Some(droplet) = fluid.live_droplet() {
             let place = (&droplet.state.centre, droplet.state.radius);
-            let (solid, _) = solid_within(&grains.particles, droplet.surface(), place);
-            droplet.hold(solid);
+            let share = droplet.material.choices.grain_share;
+            let taken = taken_within(&grains.particles, droplet.surface(), place, share);
+            droplet.hold(taken.volume);
         }
         Self { grains, fluid, interaction, phase: Phase::Accepted }
     }
@@ -106,7 +119,8 @@ impl<const D: usize> Mixture<D> {
         let wet = wet.get_or_insert_default();
         droplet.begin();
         let (centre, radius) = (droplet.state.centre, droplet.state.radius);
-        wet.cut(&self.grains.particles, droplet.surface(), &centre, radius);
+        let share = droplet.material.choices.grain_share;
+        wet.cut(&self.grains.particles, droplet.surface(), (&centre, radius), share);
         let swallowed = overlap.outside().iter().map(|grain| *grain as usize);
         let swallowed: Vec<usize> = swallowed.filter(|grain| wet.swallows(*grain)).collect();
         overlap.find(|grain| wet.swallows(grain));
@@ -118,7 +132,7 @@ impl<const D: usize> Mixture<D> {
             // It is no longer between grains and gas.
             carried.change();
         }
-        wet.volume()
+        wet.solid()
     }
 
     /// Drag and heat-transfer coefficients with the fluid of the last accepted step.
@@ -155,7 +169,7 @@ impl<const D: usize> Mixture<D> {
         let Interaction { wet, .. } = &mut self.interaction;
         if let (Some(droplet), Some(wet)) = (&self.fluid.droplet, wet) {
             let water = &droplet.material.water;
-            let liquid = droplet.state.liquid / droplet.volume();
+            let liquid = droplet.material.choices.inside.of(droplet.state.liquid / droplet.volume());
             wet.evaluate_closures(particles, (water, liquid), &droplet.state.velocity);
         }
         if !self.interaction.sticks_below.is_empty() {
@@ -262,6 +276,13 @@ impl<const D: usize> Mixture<D> {
         (droplet.travel(dt) / wet.smallest(), droplet.absorption * dt)
     }
 
+    /// Whether no cell of the mesh would turn over if the last solution of the fluid, which was over `dt`, were
+    /// accepted: a droplet moves the mesh.
+    pub(crate) fn droplet_fits(&mut self, dt: f64) -> Result<bool> {
+        let Self { grains, fluid, .. } = self;
+        fluid.fits(dt, taken(grains, fluid.droplet.as_deref()))
+    }
+
     /// Makes the last solution of the fluid the accepted one and moves the clock: the end of a step.
     ///
     /// # Errors
@@ -288,9 +309,7 @@ impl<const D: usize> Mixture<D> {
             let moved = (grains.mean_velocity(), grains.mean_temperature());
             droplet.settle(dt, |stream, before| wet.settle(moved, stream, before));
         }
-        fluid.accept_around(dt, |surface, centre, radius| {
-            solid_within(&grains.particles, surface, (centre, radius))
-        })?;
+        fluid.accept_around(dt, taken(grains, fluid.droplet.as_deref()))?;
         if interaction.wet.is_some() {
             interaction.overlap.moved(&fluid.mesh);
         }

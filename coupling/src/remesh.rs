@@ -9,9 +9,9 @@ use crate::{Clock, Coupled, Fluid, Mixture, Result, StepReport};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
-use voidage_fluid::Mesh;
 use voidage_fluid::flow::State;
 use voidage_fluid::mesh::{Rectangle, Remeshed};
+use voidage_fluid::{Mesh, Vector};
 
 /// When a domain is remeshed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -39,7 +39,35 @@ pub struct Remesher<const D: usize> {
     domain: Option<Rectangle>,
     /// Step after which the mesh was last made.
     last: u64,
+    /// What the transfer of the fields has changed since time zero.
+    pub changed: Changed<D>,
     tools: Tools<D>,
+}
+
+/// By how much interpolation to new meshes has changed the integrals of the fields. The volume stays, as the boundary
+/// does; the gas that takes the place of a droplet that vanishes does not count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Changed<const D: usize> {
+    /// Of the velocity, m3/s (m4/s in space).
+    pub velocity: Vector<D>,
+    /// Of each scalar, its unit times m2 (m3 in space).
+    pub scalars: Vec<f64>,
+}
+
+impl<const D: usize> Changed<D> {
+    fn nothing() -> Self {
+        Self { velocity: Vector::zeros(), scalars: vec![] }
+    }
+
+    /// Adds the integrals of fields, times a sign.
+    fn add(&mut self, sign: f64, nodal_volume: &[f64], fields: &State<D>) {
+        let each = fields.velocity.iter().zip(nodal_volume);
+        self.velocity += each.map(|(u, volume)| u * *volume).sum::<Vector<D>>() * sign;
+        self.scalars.resize(fields.scalars.len(), 0.0);
+        for (sum, values) in self.scalars.iter_mut().zip(&fields.scalars) {
+            *sum += sign * values.iter().zip(nodal_volume).map(|(s, volume)| s * volume).sum::<f64>();
+        }
+    }
 }
 
 /// What depends on the dimension.
@@ -58,13 +86,14 @@ pub struct RemeshState<const D: usize> {
     motion: Vec<f64>,
     spacing: Vec<f64>,
     last: u64,
+    changed: Changed<D>,
 }
 
 impl Remesher<2> {
     /// Remeshes a domain with edges as long as they are now.
     pub fn new(mesh: &Mesh<2>, when: Remesh) -> Self {
         let tools = Tools { make: Mesh::<2>::fill, angle: |mesh| mesh.quality().smallest_angle };
-        Self { when, spacing: mesh.spacing(), domain: None, last: 0, tools }
+        Self { when, spacing: mesh.spacing(), domain: None, last: 0, changed: Changed::nothing(), tools }
     }
 
     /// The same for a domain with a droplet: `domain` says how long edges should be without it.
@@ -77,12 +106,29 @@ impl<const D: usize> Fluid<D> {
     /// Remeshes the domain if it is time; returns whether it was.
     fn remesh(&mut self) -> Result<bool> {
         let Some(remesher) = &mut self.remesher else { return Ok(false) };
-        let Remesher { when, tools, .. } = *remesher;
-        let Clock { time, steps } = self.clock;
+        let Remesher { when, tools, last, .. } = remesher;
         let vanishes = self.droplet.as_ref().is_some_and(|droplet| droplet.vanishes());
-        if steps - remesher.last < when.every && (tools.angle)(&self.mesh) >= when.angle && !vanishes {
+        let early = self.clock.steps - *last < when.every;
+        if early && (tools.angle)(&self.mesh) >= when.angle && !vanishes {
             return Ok(false);
         }
+        self.make_mesh(vanishes)?;
+        Ok(true)
+    }
+
+    /// Remeshes the domain before a cell turns over, with the fields that are accepted.
+    pub(crate) fn renew(&mut self, report: &mut StepReport) -> Result<()> {
+        let start = Instant::now();
+        self.make_mesh(false)?;
+        report.remeshed = true;
+        report.phases.remesh += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Remeshes the domain, without a droplet that vanishes.
+    fn make_mesh(&mut self, vanishes: bool) -> Result<()> {
+        let Some(remesher) = &mut self.remesher else { return Ok(()) };
+        let (tools, Clock { time, steps }) = (remesher.tools, self.clock);
         if let Some(droplet) = &self.droplet {
             let wanted = self.mesh.points.iter().zip(&mut remesher.spacing);
             wanted.for_each(|(x, spacing)| {
@@ -100,6 +146,10 @@ impl<const D: usize> Fluid<D> {
         };
         remesher.spacing = remeshed.carry(&remesher.spacing);
         remesher.last = steps;
+        if !vanishes {
+            remesher.changed.add(-1.0, &self.nodal_volume, old);
+            remesher.changed.add(1.0, &remeshed.mesh.nodal_volume(), &fields);
+        }
         if let Some(motion) = &mut self.motion {
             motion.remeshed(&remeshed, time);
         }
@@ -111,26 +161,32 @@ impl<const D: usize> Fluid<D> {
             Some(droplet) if !droplet.state.gone => droplet.remeshed(&remeshed.mesh)?,
             _ => {}
         }
-        self.set_mesh(remeshed.mesh, fields)?;
-        Ok(true)
+        self.set_mesh(remeshed.mesh, fields)
     }
 
     /// The mesh, if the domain has been remeshed or has a droplet, which moves as the run goes.
     pub fn remesh_state(&self) -> Option<RemeshState<D>> {
         let remesher = self.remesher.as_ref();
-        let Remesher { spacing, last, .. } =
+        let Remesher { spacing, last, changed, .. } =
             remesher.filter(|remesher| remesher.last > 0 || self.droplet.is_some())?;
         let motion = match (&self.motion, &self.droplet) {
             (Some(motion), _) => motion.state(),
             (None, Some(droplet)) if !droplet.state.gone => droplet.motion(),
             _ => Vec::new(),
         };
-        Some(RemeshState { mesh: self.mesh.clone(), motion, spacing: spacing.clone(), last: *last })
+        Some(RemeshState {
+            mesh: self.mesh.clone(),
+            motion,
+            spacing: spacing.clone(),
+            last: *last,
+            changed: changed.clone(),
+        })
     }
 
     fn take_remeshed(&mut self, state: RemeshState<D>) -> Result<()> {
         if let Some(remesher) = &mut self.remesher {
             (remesher.spacing, remesher.last) = (state.spacing, state.last);
+            remesher.changed = state.changed;
             (self.mesh, self.moved) = (state.mesh, true);
             if let Some(motion) = &mut self.motion {
                 motion.restore(&state.motion);
@@ -145,6 +201,12 @@ impl<const D: usize> Fluid<D> {
 }
 
 impl<const D: usize> Mixture<D> {
+    /// Remeshes the domain before a cell turns over.
+    pub(crate) fn renew(&mut self, report: &mut StepReport) -> Result<()> {
+        self.fluid.renew(report)?;
+        self.search_again()
+    }
+
     /// Grains are looked for on the mesh of now.
     fn search_again(&mut self) -> Result<()> {
         self.interaction.overlap = Overlap::new(&self.fluid.mesh)?;
@@ -159,10 +221,10 @@ impl<const D: usize> Coupled<D> {
     /// No mesh fits into its boundary; the solver cannot be reached.
     pub fn remesh(&mut self, report: &mut StepReport) -> Result<()> {
         let start = Instant::now();
-        report.remeshed = self.fluid_mut().map_or(Ok(false), Fluid::remesh)?;
-        if !report.remeshed {
+        if !self.fluid_mut().map_or(Ok(false), Fluid::remesh)? {
             return Ok(());
         }
+        report.remeshed = true;
         report.phases.remesh += start.elapsed().as_secs_f64();
         let Some(mixture) = self.mixture_mut() else { return Ok(()) };
         mixture.search_again()?;

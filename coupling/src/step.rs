@@ -1,5 +1,6 @@
 //! What a scene is made of, and its step.
 
+use crate::droplet::wet::Taken;
 use crate::scheme::Scheme;
 use crate::{Clock, Fluid, Interaction, Mixture, Result, StepReport};
 use std::time::Instant;
@@ -48,6 +49,10 @@ impl<const D: usize> Coupled<D> {
                     droplet.begin();
                 }
                 fluid.solve(dt, None, &mut report)?;
+                if !fluid.fits(dt, |_, _, _| Taken::default())? {
+                    fluid.renew(&mut report)?;
+                    fluid.solve(dt, None, &mut report)?;
+                }
                 fluid.accept(dt)?;
                 fluid.clock.steps += 1;
             }

@@ -14,10 +14,14 @@
 //! <<eps w . n, q>> + sum over chords of solid v . n q - j <<1, q>>
 //! ```
 //!
-//! The chords are where the surface cuts grains that move through it.
+//! The chords are where the surface cuts grains that move through it. Where the velocity of the vapour is taken for
+//! an interstitial one ([`Blowing`]), u = w + j s/|s| is held, and <<eps j, q>> passes: of the vapour the share of
+//! the voidage.
 //!
-//! **Vapour.** The body boils at the rate of the heat that it gets. Heat of the fluid is the reaction Q = -sum over its nodes of (A T - b), with
-//! the equations of these nodes before the prescribed temperature took their places; j = (Q + given) / (latent P), P the perimeter.
+//! **Vapour.** The body boils at the rate of the heat that it gets; j = (Q + given) / (latent P), P the perimeter.
+//! Heat of the fluid is the reaction Q = -sum over its nodes of (A T - b), with the equations of these nodes before
+//! the prescribed temperature took their places, or, if
+//! [`HeatFlux`] says so, the integral -<<eps K grad T . n, 1>> of the gradients in the cells at the surface.
 //!
 //! **Motion.** The force of the fluid is the reaction F = -sum over its nodes of (K x - b) of the momentum rows. It is affine in U: with
 //! x_0 the solution at U = 0 and X_i those of a unit velocity along axis i without any other data, on one matrix,
@@ -36,7 +40,9 @@ use crate::conditions::{Condition, Constraint, FlowCondition, facets};
 use crate::geometry::Geometry;
 use crate::{Error, Result, Vector};
 use nalgebra::{DMatrix, DVector, SMatrix};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 
 /// Voidage below which the velocity of what leaves the surface no longer grows. The volume that leaves is exact all the same.
 const LEAST_VOIDAGE: f64 = 0.05;
@@ -54,6 +60,8 @@ pub struct Body<const D: usize> {
     pub motion: BodyMotion<D>,
     /// How it boils; absent for a body that does not.
     pub evaporation: Option<Evaporation>,
+    /// What the velocity of its vapour is.
+    pub blowing: Blowing,
     /// Solid that passes the surface into the body, as it acts in the equation of mass, sum of chord v . n q: a number for every node of
     /// every facet, in their order, m3/s (m2/s in the plane). Empty without grains.
     pub solid: Vec<f64>,
@@ -81,11 +89,37 @@ impl<const D: usize> BodyMotion<D> {
     }
 }
 
+/// What the velocity j of the vapour of a body is, relative to the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Blowing {
+    /// Superficial, eps u: all of the vapour arrives in the fluid.
+    #[default]
+    Superficial,
+    /// Interstitial, u: of the vapour the share of the voidage at the surface arrives in the fluid, and the rest is
+    /// lost.
+    Interstitial,
+}
+
+/// What the heat of the fluid to a body is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HeatFlux {
+    /// The reaction of the discrete equations: what the fluid loses. Order 2 in the mesh.
+    #[default]
+    Reaction,
+    /// The integral of the discrete gradient at the surface. Order 1 in the mesh; the fluid loses more than the body
+    /// gets where the mesh does not resolve its thermal layer.
+    Gradient,
+}
+
 /// How a body boils.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaporation {
     /// Number of the scalar that is the temperature; absent where the fluid brings no heat.
     pub scalar: Option<usize>,
+    /// What the heat of the fluid is.
+    pub heat_flux: HeatFlux,
     /// Heat from elsewhere, W (W/m in the plane).
     pub heat: f64,
     /// Heat that a volume of vapour takes, J/m3.
@@ -147,12 +181,12 @@ impl<const D: usize> Bodies<D> {
         &mut self,
         geometry: &Geometry<D, B>,
         conditions: &[Condition<D>],
-        heat: impl Fn(usize, usize) -> f64,
+        heat: impl Fn(usize, usize, HeatFlux) -> f64,
     ) {
         self.surfaces.clear();
         for (number, body) in bodies(conditions) {
             let vapour = body.evaporation.as_ref().map_or(0.0, |boils| {
-                let fluid = boils.scalar.map_or(0.0, |scalar| heat(number, scalar));
+                let fluid = boils.scalar.map_or(0.0, |scalar| heat(number, scalar, boils.heat_flux));
                 (fluid + boils.heat) / boils.latent
             });
             let facets = facets(&geometry.mesh, &conditions[number].boundary);
@@ -178,7 +212,10 @@ impl<const D: usize> Bodies<D> {
             for &node in facets(&geometry.mesh, &conditions[surface.condition].boundary).flatten() {
                 let node = node as usize;
                 let place = body.place(&geometry.mesh.points[node]);
-                let blown = surface.blowing / voidage[node].max(LEAST_VOIDAGE);
+                let blown = match body.blowing {
+                    Blowing::Superficial => surface.blowing / voidage[node].max(LEAST_VOIDAGE),
+                    Blowing::Interstitial => surface.blowing,
+                };
                 let own = place * body.expansion + place.normalize() * blown;
                 constraints[node] = Some(Constraint::Fixed(moves + own));
             }
@@ -328,7 +365,10 @@ impl<const D: usize> Bodies<D> {
             for nodes in facets(&geometry.mesh, &conditions[surface.condition].boundary) {
                 let facet = Facet::new(&geometry.mesh, nodes);
                 for (k, convected) in balance.convected.iter_mut().enumerate() {
-                    let blown = |phi: &[f64; 3]| -surface.blowing * facet.at(phi, |node| value(k, node));
+                    let blown = |phi: &[f64; 3]| {
+                        let passes = surface.blowing * body.passed(facet.at(phi, |node| voidage[node]));
+                        -passes * facet.at(phi, |node| value(k, node))
+                    };
                     facet.load(blown, |_, part| *convected += part);
                 }
             }
@@ -362,8 +402,10 @@ impl<const D: usize> Surface<D> {
                 let surface = moves + body.place(&geometry.mesh.points[node]) * body.expansion;
                 surface.dot(&facet.normal)
             };
-            let passes =
-                |phi: &[f64; 3]| facet.at(phi, |node| voidage[node]) * facet.at(phi, along) - self.blowing;
+            let passes = |phi: &[f64; 3]| {
+                let voidage = facet.at(phi, |node| voidage[node]);
+                voidage * facet.at(phi, along) - self.blowing * body.passed(voidage)
+            };
             facet.load(passes, |node, volume| f(node as usize, volume));
             for (&node, volume) in nodes.iter().zip(solid.next().into_iter().flatten()) {
                 f(node as usize, *volume);
@@ -381,6 +423,46 @@ impl<const D: usize> Body<D> {
     fn is_free(&self) -> bool {
         matches!(self.motion, BodyMotion::Free { .. })
     }
+
+    /// Share of the vapour that arrives in the fluid where it has this voidage.
+    fn passed(&self, voidage: f64) -> f64 {
+        match self.blowing {
+            Blowing::Superficial => 1.0,
+            Blowing::Interstitial => voidage,
+        }
+    }
+}
+
+/// What a scalar of this conductivity gives to a part of the boundary by its gradients there, -<<eps K grad s . n,
+/// 1>>, W for heat (W/m in the plane).
+pub(crate) fn conducted<const D: usize, const B: usize>(
+    geometry: &Geometry<D, B>,
+    boundary: &str,
+    conductivity: f64,
+    voidage: &[f64],
+    values: &[f64],
+) -> f64 {
+    let sorted = |nodes: &[u32]| {
+        let mut nodes = nodes.to_vec();
+        nodes.sort_unstable();
+        nodes
+    };
+    let of_part: HashMap<Vec<u32>, &[u32]> =
+        facets(&geometry.mesh, boundary).map(|nodes| (sorted(nodes), nodes)).collect();
+    let mut given = 0.0;
+    for cell in 0..geometry.elements.len() {
+        let nodes = geometry.nodes(cell);
+        for left_out in 0..B {
+            let facet: Vec<u32> = (0..B).filter(|a| *a != left_out).map(|a| nodes[a] as u32).collect();
+            let Some(nodes) = of_part.get(&sorted(&facet)) else { continue };
+            let facet = Facet::new(&geometry.mesh, nodes);
+            let element = &geometry.elements[cell];
+            let slope = element.gradient_of(&geometry.nodes(cell).map(|node| values[node]));
+            let open: f64 = nodes.iter().map(|node| voidage[*node as usize]).sum::<f64>() / D as f64;
+            given -= conductivity * open * facet.measure * slope.dot(&facet.normal);
+        }
+    }
+    given
 }
 
 fn body_of<const D: usize>(conditions: &[Condition<D>], number: usize) -> Option<&Body<D>> {

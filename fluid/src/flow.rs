@@ -2,7 +2,7 @@
 
 use crate::assembly::{Assembler, KeptRows, System};
 use crate::balance::{self, Balance, NOBODY, Owners, Solved};
-use crate::body::{Bodies, BodyAnswer};
+use crate::body::{self, Bodies, BodyAnswer, HeatFlux};
 use crate::conditions::{self, Condition, Constraint, FlowCondition, ScalarCondition};
 use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
@@ -246,8 +246,13 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         }
         let start = Instant::now();
         let (equations, pattern, next) = (&self.scalars, &self.assembler.pattern, &self.next.scalars);
-        self.bodies.boil(&self.geometry, conditions, |number, k| {
-            let Equation { kept, holder, .. } = &equations[k];
+        let geometry = &self.geometry;
+        self.bodies.boil(geometry, conditions, |number, k, flux| {
+            let Equation { kept, holder, scalar, .. } = &equations[k];
+            if flux == HeatFlux::Gradient {
+                let part = &conditions[number].boundary;
+                return body::conducted(geometry, part, scalar.conductivity, voidage, &next[k]);
+            }
             let mut given = 0.0;
             kept.reactions(pattern, &next[k], |node, [reaction]| {
                 given -= if holder[node] as usize == number { reaction } else { 0.0 };

@@ -377,6 +377,30 @@ fn mistakes_of_a_droplet_are_named() {
             ["boundary = \"droplet\"", "boundary = \"droplet\"\nheld = 1"],
             ["droplet.held", "expected a boolean"],
         ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\ngrain_share = \"round\""],
+            ["grain_share", "disc"],
+        ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\nblowing = \"mean\""],
+            ["blowing", "interstitial"],
+        ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\nheat_flux = \"both\""],
+            ["heat_flux", "gradient"],
+        ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\nbuoyancy = \"all\""],
+            ["buoyancy", "hydrostatic"],
+        ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\ninside = { voidage = \"two\" }"],
+            ["voidage", "one"],
+        ),
+        (
+            ["boundary = \"droplet\"", "boundary = \"droplet\"\ninside = { drag = \"henry\" }"],
+            ["droplet.inside.drag", "voidage"],
+        ),
     ] {
         let folder = tempfile::tempdir().unwrap();
         assert!(DROPLET.contains(change[0]), "{}", change[0]);
@@ -386,6 +410,33 @@ fn mistakes_of_a_droplet_are_named() {
             assert!(said.contains(text), "{} says\n{said}", change[1]);
         }
     }
+}
+
+#[test]
+fn choices_of_a_droplet_that_change_nothing_are_refused() {
+    const DROPLET: &str = include_str!("../python/scenes/boils-away.toml");
+    let [before, after] = ["[[grains]]", "[fluid]"].map(|table| DROPLET.find(table).unwrap());
+    let bare = format!("{}{}", &DROPLET[..before], &DROPLET[after..]);
+    for (key, value) in [
+        ("grain_share", "\"disc\""),
+        ("blowing", "\"interstitial\""),
+        ("buoyancy", "\"none\""),
+        ("inside", "{ voidage = \"one\" }"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("scene.toml"), format!("{bare}{key} = {value}\n")).unwrap();
+        let said = refused(folder.path(), &["check", "scene.toml"]);
+        for text in [&format!("droplet.{key}"), "no grains"] {
+            assert!(said.contains(text), "{key} says\n{said}");
+        }
+    }
+    let cold = DROPLET.replacen("heat = { open = { temperature = 673.15 } }\n", "", 1);
+    let [before, after] = ["[fluid.heat]", "[[fluid.boundaries]]"].map(|table| cold.find(table).unwrap());
+    let cold = format!("{}{}heat_flux = \"gradient\"\n", &cold[..before], &cold[after..]);
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.toml"), cold).unwrap();
+    let said = refused(folder.path(), &["check", "scene.toml"]);
+    assert!(said.contains("droplet.heat_flux") && said.contains("no temperature"), "{said}");
 }
 
 #[test]

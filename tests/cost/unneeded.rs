@@ -74,6 +74,7 @@ fn what_a_scene_does_not_need_costs_nothing() {
     // Queues between threads grow by chance.
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     one.install(each_part_costs_its_own);
+    one.install(without_a_droplet_there_is_no_water);
 }
 
 fn without_heat_there_is_no_temperature() {
@@ -131,6 +132,43 @@ fn without_grains_there_is_no_overlap() {
     let phases = simulation.totals().phases;
     assert_eq!((phases.overlap, phases.closure, phases.contacts), (0.0, 0.0, 0.0));
     assert!(phases.flow > 0.0);
+}
+
+/// The same hole in the mesh, with a droplet in it and as a wall.
+fn without_a_droplet_there_is_no_water() {
+    let mut with = voidage_tests::droplet_scene(&["coupling.scheme=\"henry\"", "coupling.cohesion_below={}"]);
+    with.grains.iter_mut().for_each(|group| group.velocity = None);
+    let mut without = with.clone();
+    let hole = without.droplet.take().expect("a droplet").boundary;
+    let boundaries = &mut fluid(&mut without).boundaries;
+    let walls = boundaries.iter().find(|boundary| boundary.name == "walls").expect("walls").clone();
+    boundaries.push(voidage_scene::Boundary { name: hole, ..walls });
+    // Nothing is in the hole that is not there with the droplet.
+    let lattice = "grains[0].placement={lattice={lower=[0.0015,0.001],upper=[0.0045,0.003],spacing=1.8}}";
+    let grains = voidage_tests::droplet_scene(&[lattice]).grains;
+    for scene in [&mut with, &mut without] {
+        scene.grains.clone_from(&grains);
+        scene.grains.iter_mut().for_each(|group| group.velocity = None);
+    }
+    let run = Simulation::new(&without).expect("a valid scene");
+    let (fluid, interaction) = (run.coupled().fluid(), run.coupled().interaction());
+    let (fluid, interaction) = (fluid.expect("a fluid"), interaction.expect("both"));
+    assert!(fluid.droplet.is_none() && fluid.remesher.is_none() && fluid.motion.is_none());
+    assert!(interaction.wet.is_none() && fluid.solution.bodies.is_empty());
+    let columns = run.readings();
+    assert!(columns.iter().all(|(name, _)| !name.contains("remesh") && !name.contains("vaporisation")));
+    drop((columns, run));
+    count(&without);
+    let (more, less) = (count(&with), count(&without));
+    println!("{:<36}{:>12}{:>14}{:>12}", "droplet", more.bytes - less.bytes, more.allocations, more.wire);
+    println!("{:<36}{:>12}{:>14}{:>12}", "without", 0, less.allocations, less.wire);
+    assert_eq!((more.nodes, more.grains), (less.nodes, less.grains));
+    // Places and velocities of the nodes, and not even these.
+    assert_eq!(more.wire, less.wire + 4 * less.nodes);
+    // The solutions for a unit velocity and the mesh that a step may have to put back are made in each.
+    assert!(more.bytes > less.bytes + 8 * 6 * less.nodes, "{} and {} bytes", more.bytes, less.bytes);
+    assert!(more.allocations > less.allocations, "{} and {}", more.allocations, less.allocations);
+    assert!(!less.phases.contains(&"remesh"), "{:?}", less.phases);
 }
 
 /// A part of a scene, how it is turned on, and what it then adds.

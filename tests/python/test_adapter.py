@@ -131,7 +131,8 @@ def test_a_body_is_what_its_condition_says():
         "radius": 3,
         "expansion": -4,
         "motion": {"free": {"inertia": [5, 6, 7, 8], "force": [9, 10]}},
-        "evaporation": {"scalar": 0, "heat": 11, "latent": 12},
+        "evaporation": {"scalar": 0, "heat_flux": "gradient", "heat": 11, "latent": 12},
+        "blowing": "interstitial",
         "solid": [13, 14, 15, 16, 17, 18],
     }
     condition = {"boundary": "drop", "flow": {"body": described}, "scalars": []}
@@ -141,7 +142,8 @@ def test_a_body_is_what_its_condition_says():
     assert body.centre.tolist() == [1, 2] and (body.radius, body.expansion) == (3, -4)
     assert body.motion.inertia.tolist() == [[5, 7], [6, 8]]
     assert body.motion.force.tolist() == [9, 10]
-    assert body.evaporation == data.Evaporation(0, 11, 12)
+    assert body.evaporation == data.Evaporation(0, 11, 12, "gradient")
+    assert body.blowing == "interstitial"
     assert body.solid.tolist() == [[13, 14], [15, 16], [17, 18]]
 
     described |= {"motion": {"held": [1, 2]}, "evaporation": None, "solid": []}

@@ -82,6 +82,22 @@ def test_a_droplet_that_the_gas_throws_about_is_the_same_in_all_solvers(program,
     assert {"body velocity", "vapour of bodies"} < {row["quantity"] for row in rows}
 
 
+@pytest.mark.parametrize(
+    "choice",
+    [
+        "droplet.heat_flux=gradient",
+        "droplet.blowing=interstitial",
+        "droplet.grain_share=disc",
+        "droplet.buoyancy=hydrostatic",
+    ],
+)
+def test_choices_of_a_droplet_are_the_same_in_all_solvers(program, tmp_path, choice):
+    options = ("--set", choice, "--at", "1,2,12", "--steps", "0")
+    done, rows = compare(program, SCENES / "droplet.toml", tmp_path / "out", *options)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert max(float(row["relative_max_difference"]) for row in rows) < 1e-9
+
+
 def test_a_mesh_made_anew_reaches_all_solvers(program, tmp_path):
     anew = ("--set", "fluid.mesh_motion.remesh.every=5", "--at", "1,6,12", "--steps", "0")
     done, rows = compare(program, SCENES / "moving-mesh.toml", tmp_path / "out", *anew)

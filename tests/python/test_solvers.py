@@ -337,6 +337,16 @@ def test_a_body_that_grows_pushes_the_fluid_out(solver, dimension):
     assert answer.vapour == 0 and not answer.velocity.any()
 
 
+def conducted(points, cells, facets, voidage, values):
+    """-int eps grad s . n over facets, cell by cell."""
+    total = 0.0
+    for facet, area in zip(facets, area_vectors(points, facets), strict=True):
+        (cell,) = [each for each in cells if set(facet) <= set(each)]
+        edges, jumps = points[cell[1:]] - points[cell[0]], values[cell[1:]] - values[cell[0]]
+        total -= voidage[facet].mean() * (np.linalg.solve(edges, jumps) @ area)
+    return total
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_bodies_move_and_boil_by_what_the_fluid_gives_them(solver, rng, dimension):
     """Two that are free and one that is held, in a stream with points, on a mesh that moves."""
@@ -360,16 +370,21 @@ def test_bodies_move_and_boil_by_what_the_fluid_gives_them(solver, rng, dimensio
     points = dataclasses.replace(points, scalars=(*points.scalars, None))
     voidage[box.boundaries["left"][0]] = 0.01
 
+    # The iterative solver does not solve what these make of the velocities in space.
+    chosen = dimension == 2 or close(solver) < 1e-8
+    flux = "gradient" if chosen else "reaction"
+
     def body(name, motion, boils):
         solid = 0.001 * rng.standard_normal(box.boundaries[name].shape)
-        return Body(centres[name], 0.4 * width, 0.1 * rng.random(), motion, boils, solid)
+        blowing = "interstitial" if chosen and name == "right" else "superficial"
+        return Body(centres[name], 0.4 * width, 0.1 * rng.random(), motion, boils, solid, blowing)
 
     def free():
         inertia = rng.standard_normal((dimension, dimension)) + 3 * np.eye(dimension)
         return Free(inertia, 0.1 * rng.standard_normal(dimension))
 
     bodies = {
-        "left": body("left", free(), Evaporation(0, 2.0, 900.0)),
+        "left": body("left", free(), Evaporation(0, 2.0, 900.0, flux)),
         "right": body("right", free(), Evaporation(None, 2.0, 900.0)),
         "held": body("held", Held(0.1 * rng.random(dimension)), Evaporation(1, 0.0, 90.0)),
     }
@@ -396,6 +411,9 @@ def test_bodies_move_and_boil_by_what_the_fluid_gives_them(solver, rng, dimensio
         else:
             np.testing.assert_array_equal(answer.velocity, body.motion.velocity)
         heat = 0.0 if boils.scalar is None else -balance.scalars[boils.scalar]
+        if boils.heat_flux == "gradient":
+            heat = conducted(motion.points, box.cells, facets, voidage, new.scalars[0])
+            heat *= WARM.conductivity
         assert answer.vapour == pytest.approx((heat + boils.heat) / boils.latent, rel=1e-12)
         assert answer.vapour != 0
 
@@ -404,7 +422,9 @@ def test_bodies_move_and_boil_by_what_the_fluid_gives_them(solver, rng, dimensio
         s, blowing = (motion.points - body.centre) / body.radius, answer.vapour / measure.sum()
         moves = answer.velocity + body.expansion * s
         outward = s / np.linalg.norm(s, axis=1, keepdims=True)
-        blown = blowing / np.maximum(voidage, 0.05)[:, None] * outward
+        interstitial = body.blowing == "interstitial"
+        faster = np.ones(count) if interstitial else 1 / np.maximum(voidage, 0.05)
+        blown = blowing * faster[:, None] * outward
         held, scale = np.unique(facets), abs(new.velocity).max()
         np.testing.assert_allclose(
             new.velocity[held], (moves + blown)[held], rtol=0, atol=close(solver) * scale
@@ -412,9 +432,10 @@ def test_bodies_move_and_boil_by_what_the_fluid_gives_them(solver, rng, dimensio
 
         eps, w = voidage[facets], np.einsum("kai,ki->ka", moves[facets], area)
         pairs = eps.sum(axis=1) * w.sum(axis=1) + (eps * w).sum(axis=1)
-        passes = pairs.sum() / (dimension * (dimension + 1)) + body.solid.sum() - answer.vapour
+        arrives = blowing * (measure @ eps.mean(axis=1)) if interstitial else answer.vapour
+        passes = pairs.sum() / (dimension * (dimension + 1)) + body.solid.sum() - arrives
         assert balance.flux == pytest.approx(passes, abs=1e-12 * abs(fluxes).sum())
-        for k, scalar in enumerate(scalars):
+        for k, scalar in enumerate(scalars if not interstitial else ()):
             carried = -scalar.capacity * blowing * (measure @ new.scalars[k][facets].mean(axis=1))
             assert balance.convected[k] == pytest.approx(carried, rel=1e-12)
 

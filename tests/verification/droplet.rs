@@ -1,105 +1,112 @@
 //! A droplet with grains in its water: what it must conserve, whatever the scheme, and how it ends.
 
-use std::path::Path;
 use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
 use voidage_scene::{Scene, Simulation};
-use voidage_tests::bits;
+use voidage_tests::{bits, droplet_scene as scene, reading};
 
-/// The quick case, with a cloud of hot grains around the droplet in place of the bed, that falls through it.
-fn scene(sets: &[&str]) -> Scene {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/droplet-digging/scene-quick.toml");
-    let mut all = vec![
-        "grains[0].placement={lattice={lower=[0.0015,0.0065],upper=[0.0045,0.0093],spacing=1.8}}".to_string(),
-        "grains[0].velocity=[0.02,-0.15]".into(),
-        "droplet.remesh.every=5".into(),
-        "fluid.solver.tolerance=1e-12".into(),
-        "fluid.mesh.rectangle.size=8e-4".into(),
-    ];
-    all.extend(sets.iter().map(|set| set.to_string()));
-    let text = std::fs::read_to_string(&path).expect("the scene");
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("scene.toml");
-    // The lattice says how many grains there are.
-    std::fs::write(&file, text.replace("amount = { count = 3900 }\n", "")).expect("a file");
-    Scene::read(&file, &all).unwrap_or_else(|error| panic!("{error}"))
-}
-
-fn reading(simulation: &Simulation, name: &str) -> f64 {
-    let readings = simulation.readings();
-    readings.iter().find(|(column, _)| column == name).unwrap_or_else(|| panic!("no column {name}")).1
-}
-
-/// What the droplet holds: mass, velocity (y), impulse and heat that it has still to get, volume that it owes, and the share of it that is liquid.
+/// What the droplet holds: mass, velocity (y), impulse and heat that it has still to get, volume that it owes, the
+/// share of its vapour that the gas would get of an interstitial velocity, and the pores of the grains in it.
 struct Books {
     mass: f64,
     velocity: f64,
     impulse: f64,
     warmth: f64,
     owed: f64,
-    liquid: f64,
+    voidage: f64,
+    pores: f64,
 }
 
 fn books(simulation: &mut Simulation) -> Books {
     simulation.refresh().expect("the grains are cut");
-    let solid =
-        simulation.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0.0, |wet| wet.volume());
+    let interaction = simulation.coupled().interaction().expect("both");
+    let (solid, taken) = interaction.wet.as_ref().map_or((0.0, 0.0), |wet| (wet.solid(), wet.volume()));
     let fluid = simulation.coupled().fluid().expect("a fluid");
     let droplet = fluid.droplet.as_ref().expect("a droplet");
     let (state, volume) = (&droplet.state, droplet.volume());
-    let lacks = (volume - state.liquid - solid).abs() / volume;
+    let lacks = (volume - state.liquid - taken).abs() / volume;
     assert!(lacks < 1e-12, "liquid and grains fill the droplet but for {lacks}");
+    let (mut within, mut perimeter) = (0.0, 0.0);
+    for ends in fluid.mesh.boundary("droplet").expect("a surface").facets.chunks_exact(2) {
+        let [a, b] = [ends[0] as usize, ends[1] as usize];
+        let length = (fluid.mesh.points[a] - fluid.mesh.points[b]).norm();
+        within += length * (interaction.load.voidage[a] + interaction.load.voidage[b]) / 2.0;
+        perimeter += length;
+    }
     Books {
         mass: droplet.mass(),
         velocity: state.velocity.y,
         impulse: state.impulse.y,
         warmth: state.warmth,
         owed: state.volume,
-        liquid: 1.0 - solid / volume,
+        voidage: within / perimeter,
+        pores: taken - solid,
     }
+}
+
+/// Runs a droplet through grains, and checks each of its steps.
+fn add_up(sets: &[&str], steps: usize) {
+    const LATENT: f64 = 2.257e6;
+    let mut run = Simulation::new(&scene(sets)).expect("a valid scene");
+    let dt = 5e-4;
+    let (mut crossed, mut arrived, mut displaced) = (0, 1.0f64, 0.0f64);
+    for step in 1..=steps {
+        let before = books(&mut run);
+        run.step().unwrap_or_else(|error| panic!("{sets:?}: {error}"));
+        let wet = run.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0, |wet| wet.len());
+        let now = books(&mut run);
+        crossed = crossed.max(wet);
+        let of = |name: &str| reading(&run, name);
+
+        let water = of("droplet_water_defect_kg_per_m") / before.mass;
+        assert!(water.abs() < 1e-13, "{sets:?}, step {step}: water {water:e}");
+
+        let boils = of("vaporisation_kg_per_s_per_m");
+        let heat = of("droplet_gas_heat_W_per_m") + of("droplet_grain_heat_W_per_m");
+        let lacks = LATENT * boils - heat + (now.warmth - before.warmth) / dt;
+        assert!(lacks.abs() < 1e-12 * heat.abs(), "{sets:?}, step {step}: heat {lacks:e} of {heat:e}");
+
+        let grains = of("droplet_grain_force_y_N_per_m") + of("droplet_grain_pressure_force_y_N_per_m");
+        let force = of("droplet_gas_force_y_N_per_m") + grains;
+        let weight = -9.81 * before.mass;
+        let lacks = before.mass * (now.velocity - before.velocity) / dt - force - weight
+            + (now.impulse - before.impulse) / dt;
+        assert!(lacks.abs() < 1e-12 * weight.abs(), "{sets:?}, step {step}: momentum {lacks:e}");
+
+        let arrives = if sets.iter().any(|set| set.contains("interstitial")) { before.voidage } else { 1.0 };
+        let vapour = boils * (arrives / 1.204 - 1.0 / 958.4);
+        let owed = (now.owed - before.owed) / dt;
+        let pores = (now.pores - before.pores) / dt;
+        let lacks = of("flux_outflow_m2_per_s") - vapour - pores + owed;
+        let scale = vapour.abs() + pores.abs();
+        assert!(lacks.abs() < 1e-9 * scale, "{sets:?}, step {step}: volume {lacks:e} of {scale:e}");
+        // What is owed stays what a step or two let through.
+        assert!(now.owed.abs() < 2.0 * dt * scale, "{sets:?}, step {step}: owes {:e}", now.owed);
+        (arrived, displaced) = (arrived.min(arrives), displaced.max(pores.abs() / vapour));
+    }
+    assert!(crossed > 50, "{sets:?}: only {crossed} grains were in the water");
+    let of = |choice: &str| sets.iter().any(|set| set.contains(choice));
+    assert!(!of("interstitial") || arrived < 0.95, "{arrived} of the vapour arrived");
+    assert!(of("disc") == (displaced > 1e-3), "{sets:?}: the pores are {displaced} of the vapour");
 }
 
 #[test]
 fn water_volume_momentum_and_heat_add_up_with_grains_crossing_the_surface() {
-    const LATENT: f64 = 2.257e6;
     // With these schemes grains hand nothing over to the droplet when it swallows them.
-    for scheme in ["explicit", "henry"] {
-        let scene = scene(&[&format!("coupling.scheme={scheme:?}")]);
-        let mut run = Simulation::new(&scene).expect("a valid scene");
-        let dt = scene.time.step;
-        let mut crossed = 0;
-        for step in 1..=24 {
-            let before = books(&mut run);
-            run.step().unwrap_or_else(|error| panic!("{scheme}: {error}"));
-            let wet = run.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0, |wet| wet.len());
-            let now = books(&mut run);
-            crossed = crossed.max(wet);
-            let of = |name: &str| reading(&run, name);
+    add_up(&["coupling.scheme=\"explicit\""], 24);
+    add_up(&["coupling.scheme=\"henry\""], 24);
+}
 
-            let water = of("droplet_water_defect_kg_per_m") / before.mass;
-            assert!(water.abs() < 1e-13, "{scheme}, step {step}: water {water:e}");
-
-            let boils = of("vaporisation_kg_per_s_per_m");
-            let heat = of("droplet_gas_heat_W_per_m") + of("droplet_grain_heat_W_per_m");
-            let lacks = LATENT * boils - heat + (now.warmth - before.warmth) / dt;
-            assert!(lacks.abs() < 1e-12 * heat.abs(), "{scheme}, step {step}: heat {lacks:e} of {heat:e}");
-
-            let force =
-                before.liquid * of("droplet_gas_force_y_N_per_m") + of("droplet_grain_force_y_N_per_m");
-            let weight = -9.81 * before.mass;
-            let lacks = before.mass * (now.velocity - before.velocity) / dt - force - weight
-                + (now.impulse - before.impulse) / dt;
-            assert!(lacks.abs() < 1e-12 * weight.abs(), "{scheme}, step {step}: momentum {lacks:e}");
-
-            let vapour = boils * (1.0 / 1.204 - 1.0 / 958.4);
-            let lacks = of("flux_outflow_m2_per_s") - vapour + (now.owed - before.owed) / dt;
-            assert!(
-                lacks.abs() < 1e-9 * vapour.abs(),
-                "{scheme}, step {step}: volume {lacks:e} of {vapour:e}"
-            );
-            // What is owed stays what a step or two let through.
-            assert!(now.owed.abs() < 2.0 * dt * vapour, "{scheme}, step {step}: owes {:e}", now.owed);
-        }
-        assert!(crossed > 50, "{scheme}: only {crossed} grains were in the water");
+#[test]
+fn they_add_up_whatever_is_chosen() {
+    for choice in [
+        "droplet.grain_share=\"disc\"",
+        "droplet.blowing=\"interstitial\"",
+        "droplet.heat_flux=\"gradient\"",
+        "droplet.buoyancy=\"hydrostatic\"",
+        "droplet.buoyancy=\"none\"",
+        "droplet.inside.voidage=\"one\"",
+    ] {
+        add_up(&["coupling.scheme=\"henry\"", choice], 8);
     }
 }
 
@@ -200,6 +207,33 @@ fn a_droplet_that_boils_away_leaves_gas_in_its_place() {
     assert!(reading(&straight, "droplet_water_defect_kg_per_m").abs() < 1e-15);
     for (column, value) in straight.readings() {
         assert!(value.is_finite(), "{column} is {value}");
+    }
+}
+
+#[test]
+fn the_mesh_is_made_anew_before_a_cell_turns_over() {
+    // Nothing else remeshes, and the droplet sinks by two of its radii.
+    let sets =
+        ["droplet.remesh={every=1000000,angle=0.0}", "droplet.held=true", "droplet.velocity=[0.0,-0.2]"];
+    for scheme in ["henry", "iterated"] {
+        let scheme = format!("coupling.scheme={scheme:?}");
+        let mut run = Simulation::new(&scene(&[&sets[..], &[&scheme]].concat())).expect("a valid scene");
+        let (mut made, mut changed) = (0, 0.0);
+        for _ in 0..20 {
+            let report = run.step().unwrap_or_else(|error| panic!("{scheme}: {error}"));
+            books(&mut run);
+            let heat = reading(&run, "remesh_heat_J_per_m");
+            assert!(report.remeshed || heat == changed, "{scheme}: {heat} J/m without a new mesh");
+            made += u32::from(report.remeshed);
+            changed = heat;
+        }
+        assert!((1..10).contains(&made), "{scheme}: {made} new meshes");
+        let momentum = ["x", "y"].map(|axis| reading(&run, &format!("remesh_momentum_{axis}_N_s_per_m")));
+        // Of the whole box at the speed of the droplet, and of its heat.
+        let moved = 1.204 * 0.2 * 0.006 * 0.012;
+        assert!(momentum.iter().all(|change| *change != 0.0 && change.abs() < 0.1 * moved), "{momentum:?}");
+        let all = 1.204 * 1040.0 * 673.15 * 0.006 * 0.012;
+        assert!(changed != 0.0 && changed.abs() < 1e-3 * all, "{scheme}: {changed} of {all} J/m");
     }
 }
 

@@ -8,6 +8,7 @@ mod axis;
 mod bed;
 mod contacts;
 mod cost;
+mod droplet;
 mod fluidisation;
 mod mesh;
 mod modes;
@@ -15,6 +16,7 @@ mod pictures;
 mod record;
 mod settle;
 mod vapour;
+mod wet;
 
 pub use axis::{Axis, Sample, Tally, Verdict};
 
@@ -55,8 +57,18 @@ fn scheme(name: &str) -> std::result::Result<SchemeName, String> {
 
 /// All axes, in the order in which they run.
 pub fn axes() -> Vec<Axis> {
-    [modes::AXES, contacts::AXES, settle::AXES, mesh::AXES, vapour::AXES, fluidisation::AXES, bed::AXES]
-        .concat()
+    [
+        modes::AXES,
+        contacts::AXES,
+        settle::AXES,
+        mesh::AXES,
+        vapour::AXES,
+        droplet::AXES,
+        wet::AXES,
+        fluidisation::AXES,
+        bed::AXES,
+    ]
+    .concat()
 }
 
 /// Runs the map; exit code 1 if the default scheme fails anywhere.

@@ -12,6 +12,7 @@ use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::{Numerics, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::mesh::{Boundary, Diagonals, Rectangle, Side, Sides, Structured};
+use voidage_fluid::points::Points;
 use voidage_fluid::transport::Scalar;
 use voidage_fluid::{Flow, Mesh};
 
@@ -266,6 +267,24 @@ pub fn annulus(inner: f64, outer: f64, rings: usize, sectors: usize) -> Mesh<2> 
         cells: (0..sectors).map(|k| at(rings - 1, k, !even(rings - 1, k))).collect(),
     };
     Mesh { points, cells, boundaries: vec![inside, outside] }
+}
+
+/// Three points in each cell that fill all but the voidage and do not move, with a drag per volume.
+pub fn held_points(mesh: &Mesh<2>, voidage: f64, drag: f64) -> Points<2> {
+    let places = three_per_cell(mesh);
+    let area = |q: usize| mesh.measure(q / 3) / 3.0;
+    let (none, still) = (vec![0.0; places.len()], vec![Vec2::zeros(); places.len()]);
+    Points {
+        cell: (0..places.len() as u32).map(|q| q / 3).collect(),
+        coordinate: places.iter().enumerate().map(|(q, x)| mesh.barycentric(q / 3, x)).collect(),
+        volume: (0..places.len()).map(|q| (1.0 - voidage) * area(q)).collect(),
+        drag: (0..places.len()).map(|q| drag * area(q)).collect(),
+        mobility: none.clone(),
+        velocity: still.clone(),
+        flux_mobility: none,
+        flux_velocity: still,
+        scalars: vec![],
+    }
 }
 
 /// Moves the points of a mesh of the unit square towards its sides: x becomes x - share sin(2 pi x) / (2 pi), likewise y.

@@ -102,6 +102,7 @@ def _body(described: Mapping[str, Any]) -> data.Body:
         motion,
         None if boils is None else data.Evaporation(**boils),
         np.reshape(np.array(described["solid"], dtype=float), (-1, len(centre))),
+        described["blowing"],
     )
 
 

@@ -5,12 +5,14 @@ The surface of a body moves with w = U + rdot s, where s is the place beside the
 radius, and vapour leaves it with the superficial velocity j = vapour / perimeter. Held at its
 nodes, and known in the equation of mass (n points into the body), are
 
-    u = w + (j / eps) s/|s|    and    <<eps w . n, q>> + solid - j <<1, q>>.
+    u = w + (j / eps) s/|s|    and    <<eps w . n, q>> + solid - j <<1, q>>,
+
+with an interstitial j instead w + j s/|s| and <<eps j, q>>.
 
 Vapour is the heat that the body gets over that which a volume of it takes; that of the fluid is the
-reaction -sum (A T - b) of its nodes. The force of the fluid is the reaction F = -sum (K x - b) of
-the rows of momentum. With x_0 the solution at U = 0 and X_i those of a unit velocity along axis i
-without any other data, on one matrix,
+reaction -sum (A T - b) of its nodes, or the integral of -eps K grad T . n. The force of the fluid
+is the reaction F = -sum (K x - b) of the rows of momentum. With x_0 the solution at U = 0 and X_i
+those of a unit velocity along axis i without any other data, on one matrix,
 
     x = x_0 + sum U_i X_i,    F = F_0 + F_X U,    (A - F_X) U = B + F_0.
 """
@@ -19,6 +21,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from .boundary import Boundary, facet_rule
+from .cells import Cells
 from .solver import Body, BodyAnswer, Floats, Free, Held
 
 LEAST_VOIDAGE = 0.05
@@ -30,7 +33,9 @@ class Bodies:
     """The bodies of a step, once its scalars are known. The boundary gets what they hold and what
     passes them, until :meth:`settle` with U = 0 of those that are free."""
 
-    def __init__(self, boundary: Boundary, left: list[Floats]):
+    def __init__(
+        self, boundary: Boundary, cells: Cells, scalars: list[Floats], left: list[Floats]
+    ):
         """``left`` is A x - b of each scalar, as :meth:`Boundary.balances` has it."""
         self.boundary, self.dimension = boundary, boundary.problem.dimension
         self.answers: dict[int, BodyAnswer] = {}
@@ -38,15 +43,36 @@ class Bodies:
         """By the number of the condition."""
         for number, condition in enumerate(boundary.step.conditions):
             if isinstance(condition.flow, Body):
-                self._take(number, condition.flow, left)
+                heats = [-boundary.given_by_values(k, each)[number] for k, each in enumerate(left)]
+                boils = condition.flow.evaporation
+                if boils is not None and boils.scalar is not None and boils.heat_flux == "gradient":
+                    heats[boils.scalar] = self._conducted(number, boils.scalar, cells, scalars)
+                self._take(number, condition.flow, heats)
 
-    def _take(self, number: int, body: Body, left: list[Floats]) -> None:
+    def _conducted(self, number: int, k: int, cells: Cells, scalars: list[Floats]) -> float:
+        """What scalar k gives to a part by its gradients there, -<<eps K grad s . n, 1>>."""
+        edge, D = self.boundary, self.dimension
+        part = np.sort(edge.problem.boundaries[edge.step.conditions[number].boundary], axis=1)
+        base = len(edge.problem.points) ** np.arange(D)
+        slopes = {}
+        for left_out in range(D + 1):
+            faces = np.sort(np.delete(cells.nodes, left_out, axis=1), axis=1) @ base
+            for cell in np.flatnonzero(np.isin(faces, part @ base)):
+                nodes = cells.nodes[cell]
+                slopes[faces[cell]] = scalars[k][nodes] @ cells.gradient[cell]
+        here = edge.part == number
+        slope = np.array([slopes[face] for face in part @ base])
+        slope = slope.repeat(here.sum() // len(part), axis=0)
+        through = np.einsum("qi,qi->q", slope, edge.area[here])
+        return -edge.problem.scalars[k].conductivity * (edge.voidage[here] @ through)
+
+    def _take(self, number: int, body: Body, heats: list[float]) -> None:
         edge, here, motion = self.boundary, self.boundary.part == number, body.motion
         vapour, velocity = 0.0, np.zeros(self.dimension)
         if (boils := body.evaporation) is not None:
             heat = boils.heat
             if (k := boils.scalar) is not None:
-                heat -= float(edge.given_by_values(k, left[k])[number])
+                heat += heats[k]
             vapour = heat / boils.latent
         match motion:
             case Free():
@@ -58,10 +84,14 @@ class Bodies:
         s = (edge.problem.points[nodes] - body.centre) / body.radius
         surface = np.zeros_like(edge.fixed)
         surface[nodes] = velocity + body.expansion * s
-        blown = blowing / np.maximum(edge.step.voidage[nodes], LEAST_VOIDAGE)
+        interstitial = body.blowing == "interstitial"
+        blown = np.full(len(nodes), blowing)
+        if not interstitial:
+            blown /= np.maximum(edge.step.voidage[nodes], LEAST_VOIDAGE)
         outward = s / np.linalg.norm(s, axis=1, keepdims=True)
         edge.fixed[nodes] = surface[nodes] + blown[:, None] * outward
-        edge.blown[here] = -blowing * edge.measure[here]
+        passed = edge.voidage[here] if interstitial else 1.0
+        edge.blown[here] = -blowing * passed * edge.measure[here]
         edge.known[here] = (edge.voidage * edge.through(surface) + edge.blown)[here]
         if len(body.solid):
             # At the places of a facet what has the given sums with the shape functions.

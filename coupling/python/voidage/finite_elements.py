@@ -81,7 +81,7 @@ class FiniteElements(Solver):
             left.append(residual[0, :, 0])
         report.scalars_s = perf_counter() - start
         data = self._flow_data(step, wind, share, points, scalars)
-        bodies = Bodies(boundary, left)
+        bodies = Bodies(boundary, self.cells, scalars, left)
         beside = self._beside_flow(step, boundary, points, bodies, data)
         for _ in range(problem.newton):
             x, residual = bodies.release(*self._flow(step, data, velocity, beside, report))

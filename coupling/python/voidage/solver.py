@@ -80,6 +80,9 @@ class Evaporation:
     """Heat from elsewhere, W (W/m in the plane)."""
     latent: float
     """Heat that a volume of vapour takes, J/m3."""
+    heat_flux: str = "reaction"
+    """What the heat of the fluid is: the ``"reaction"`` of the discrete equations, or the integral
+    of the discrete ``"gradient"`` at the surface."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,8 @@ class Body:
     """Solid that passes the surface into the body, as it acts in the equation of mass: the integral
     of solid v . n q for the q of every node of every facet, m3/s (m2/s in the plane), (k, D).
     Without rows if there is none."""
+    blowing: str = "superficial"
+    """What the velocity of the vapour is: ``"superficial"`` or ``"interstitial"``."""
 
 
 @dataclass(frozen=True)

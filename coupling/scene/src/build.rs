@@ -6,14 +6,14 @@ use crate::placing::{Placed, Placing};
 use voidage_coupling::backend::{FluidBackend, Model, RustFluid};
 use voidage_coupling::closure::ThermalFluid;
 use voidage_coupling::droplet::wet::Water;
-use voidage_coupling::droplet::{self, Droplet};
+use voidage_coupling::droplet::{self, Choices, Droplet};
 use voidage_coupling::error::{Error, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::motion::Oscillation;
 use voidage_coupling::remesh::Remesher;
 use voidage_coupling::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
 use voidage_dem::{ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
-use voidage_fluid::body::{Body, BodyMotion};
+use voidage_fluid::body::{Blowing, Body, BodyMotion};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::{Numerics, State};
 use voidage_fluid::forms::Properties;
@@ -367,6 +367,7 @@ fn conditions(scene: &Scene, fluid: &scene::Fluid) -> Vec<Condition<2>> {
                 expansion: 0.0,
                 motion: BodyMotion::Held(Vector::zeros()),
                 evaporation: None,
+                blowing: Blowing::default(),
                 solid: vec![],
             }),
             scalars: heat.chain(others).collect(),
@@ -411,6 +412,13 @@ fn droplet(
         vapour_density: fluid.density,
         gravity: scene.gravity.vector(),
         held: described.held,
+        choices: Choices {
+            heat_flux: described.heat_flux,
+            blowing: described.blowing,
+            grain_share: described.grain_share,
+            buoyancy: described.buoyancy,
+            inside: described.inside,
+        },
     };
     let velocity = described.velocity.as_ref().map_or_else(Vector::zeros, |v| v.vector());
     Droplet::new(mesh, &described.boundary, place, (velocity, growth), material).map_err(|error| {

@@ -4,7 +4,9 @@ use super::Coordinates;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use voidage_coupling::droplet::{Buoyancy, GrainShare, Inside};
 use voidage_coupling::remesh::Remesh;
+use voidage_fluid::body::{Blowing, HeatFlux};
 
 /// A droplet of liquid that boils in hot gas and grains, falls, and digs (Henry et al., section 4). It is a hole of the mesh, without a table in
 /// `[[fluid.boundaries]]`.
@@ -31,6 +33,21 @@ pub struct Droplet {
     /// Values of other scalars of the fluid at its surface: `{vapour = 1.0}`. Default: they do not pass it.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub scalars: BTreeMap<String, f64>,
+    /// Heat of the gas that boils it: what the gas loses, or the gradient at its surface. Default "reaction".
+    #[serde(default)]
+    pub heat_flux: HeatFlux,
+    /// What the velocity of its vapour is that Eq. 15 of the paper gives. Default "superficial".
+    #[serde(default)]
+    pub blowing: Blowing,
+    /// How much of it a grain in it takes. Default "solid".
+    #[serde(default)]
+    pub grain_share: GrainShare,
+    /// Pressure gradient in it. Default "surface".
+    #[serde(default)]
+    pub buoyancy: Buoyancy,
+    /// Laws of drag and heat transfer in it. Default: the defaults of its keys.
+    #[serde(default)]
+    pub inside: Inside,
     /// When the domain around it is remeshed. Default: the defaults of its keys.
     #[serde(default)]
     pub remesh: Remesh,

@@ -29,6 +29,8 @@ pub struct Simulation {
     max_penetration: f64,
     /// Height of the highest grain at time zero, m; zero without grains.
     surface: f64,
+    /// Density, kg/m3, and heat capacity, J/m3/K, of the fluid; zero without.
+    gas: (f64, f64),
 }
 
 /// All that a run needs to go on as if it had never stopped.
@@ -80,7 +82,11 @@ impl Simulation {
             let tops = grains.particles.position.iter().zip(&grains.particles.radius);
             tops.map(|(x, radius)| x[1] + radius).fold(f64::NEG_INFINITY, f64::max)
         });
-        Ok(Self { coupled, dt, last, totals, bed_weight_per_area, max_penetration, surface })
+        let gas = scene.fluid.as_ref().map_or((0.0, 0.0), |fluid| {
+            let capacity = fluid.heat.as_ref().map_or(0.0, |heat| heat.heat_capacity);
+            (fluid.density, fluid.density * capacity)
+        });
+        Ok(Self { coupled, dt, last, totals, bed_weight_per_area, max_penetration, surface, gas })
     }
 
     /// The same at a checkpoint.
@@ -309,6 +315,7 @@ impl Simulation {
             let report = last.fluid.unwrap_or_default();
             readings.push(("linear_iterations".into(), report.flow_iterations as f64));
             self.boundary_readings(fluid, &mut readings);
+            self.remesh_readings(fluid, &mut readings);
             if let Some(droplet) = &fluid.droplet {
                 droplet_readings(droplet, (self.dt, self.surface), &mut readings);
             }
@@ -332,6 +339,22 @@ impl Simulation {
             }
         }
         readings
+    }
+
+    /// What interpolation to new meshes has changed since time zero, where the domain is remeshed.
+    fn remesh_readings(&self, fluid: &Fluid<2>, readings: &mut Vec<Reading>) {
+        let Some(remesher) = &fluid.remesher else { return };
+        let (changed, (density, capacity)) = (&remesher.changed, self.gas);
+        for (axis, velocity) in ["x", "y"].iter().zip(changed.velocity.iter()) {
+            readings.push((format!("remesh_momentum_{axis}_N_s_per_m").into(), density * velocity));
+        }
+        for (k, scalar) in fluid.scalars.iter().enumerate() {
+            let change = changed.scalars.get(k).copied().unwrap_or_default();
+            readings.push(match scalar.as_str() {
+                TEMPERATURE => ("remesh_heat_J_per_m".into(), capacity * change),
+                other => (format!("remesh_{other}_m2").into(), change),
+            });
+        }
     }
 
     /// What passed each part of the boundary of the mesh in the last step; no numbers where the solver does not compute it.
@@ -412,6 +435,8 @@ fn droplet_readings(droplet: &Droplet<2>, (dt, surface): (f64, f64), readings: &
         ("droplet_gas_force_y_N_per_m".into(), state.force[1]),
         ("droplet_grain_force_x_N_per_m".into(), settled.force[0]),
         ("droplet_grain_force_y_N_per_m".into(), settled.force[1]),
+        ("droplet_grain_pressure_force_x_N_per_m".into(), -settled.pressed[0]),
+        ("droplet_grain_pressure_force_y_N_per_m".into(), -settled.pressed[1]),
         ("droplet_gas_heat_W_per_m".into(), state.heat),
         ("droplet_grain_heat_W_per_m".into(), settled.heat),
         ("droplet_lifetime_s".into(), {

@@ -23,12 +23,19 @@
 //! rdot = (c_U + c_v - mdot/rho_w + eta C/dt) / E,   E = int eps s . (-n),   c_U = int eps U . n,   c_v = sum over chords of solid v . n
 //! ```
 //!
+//! Where the water fills no pores of the grains ([`GrainShare::Disc`]), V_p has their discs and the gas of their
+//! pores is pushed out at the surface: solid v . n is then length v . n of the whole chord, and eps is less by the
+//! pores along the chords.
+//!
 //! What then is missing, because U and mdot were those of before, adds up in C and is given back, as what grains and gas disagree in is
 //! (`scheme::anchored`); so are the impulse J and the heat E of grains that moved otherwise than expected.
 
+mod choices;
 mod step;
 pub mod surface;
 pub mod wet;
+
+pub use self::choices::{Buoyancy, Choices, GrainShare, Inside, WaterVoidage};
 
 use self::surface::Surface;
 use self::wet::{Immersion, Settled, Water};
@@ -52,6 +59,8 @@ pub struct Material<const D: usize> {
     pub gravity: Vector<D>,
     /// Whether the droplet keeps its velocity.
     pub held: bool,
+    /// What may be read in more than one way.
+    pub choices: Choices,
 }
 
 /// Where a droplet is, and what it has still to get.
@@ -122,6 +131,10 @@ pub struct Droplet<const D: usize> {
     answer: Answer<D>,
     /// Liquid that boiled in the last step, m2.
     boils: f64,
+    /// Share of the vapour of the step in hand that arrives in the gas.
+    arrives: f64,
+    /// Heat of the grains that boils it in the step in hand, W.
+    given: f64,
     /// Share of a step that the part in hand is: what is carried is given back in the time of whole steps.
     pub(crate) part: f64,
     /// Directions in which the boundary stops it in the step in hand, with the fastest that it may be there, m/s.
@@ -184,6 +197,8 @@ impl Droplet<2> {
             immersion: Immersion::default(),
             answer,
             boils: 0.0,
+            arrives: 1.0,
+            given: 0.0,
             part: 1.0,
             stops: Vec::new(),
             before: velocity,

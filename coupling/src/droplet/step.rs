@@ -1,12 +1,12 @@
 //! The step of a droplet: what the fluid solver gets, what it answers, and how droplet and mesh move then.
 
 use super::surface::Surface;
-use super::wet::{Immersion, Settled, Stream};
-use super::{Answer, Droplet, DropletState};
+use super::wet::{Immersion, Settled, Stream, Taken};
+use super::{Answer, Buoyancy, Droplet, DropletState, Material};
 use crate::scheme::anchored::RETURNED;
 use crate::{Error, Notice, Result};
 use voidage_fluid::balance::Balance;
-use voidage_fluid::body::{Body, BodyAnswer, BodyMotion, Evaporation};
+use voidage_fluid::body::{Blowing, Body, BodyAnswer, BodyMotion, Evaporation, HeatFlux};
 use voidage_fluid::{Mesh, Vector};
 
 /// Share of the first liquid below which a droplet vanishes.
@@ -27,11 +27,29 @@ const STOP: f64 = 1e8;
 /// Share of its measure that a cell must keep when the droplet moves.
 const LEAST_MEASURE: f64 = 0.1;
 
+/// Share of the surface that is open to the gas at least, where its rate is found: discs may leave less.
+const LEAST_OPENING: f64 = 0.05;
+
+/// Where a droplet is at the end of a step.
+struct End<const D: usize> {
+    /// Rate of vaporisation, kg/s/m.
+    rate: f64,
+    /// Liquid that boils in the step, m2.
+    boils: f64,
+    /// Centre and radius, m; absent where it vanishes.
+    place: Option<(Vector<D>, f64)>,
+}
+
 impl<const D: usize> Droplet<D> {
     /// What moves the grains in it, by the last solution of the gas.
     pub(crate) fn stream(&self) -> Stream<D> {
         let Answer { velocity, force, .. } = self.answer;
-        Stream { velocity, pressure: force / self.volume(), temperature: self.material.temperature }
+        let pressure = match self.material.choices.buoyancy {
+            Buoyancy::Surface => force / self.volume(),
+            Buoyancy::Hydrostatic => -self.material.gravity * self.material.water.density,
+            Buoyancy::None => Vector::zeros(),
+        };
+        Stream { velocity, pressure, temperature: self.material.temperature }
     }
 
     /// Forgets the step in hand.
@@ -56,7 +74,9 @@ impl<const D: usize> Droplet<D> {
     /// The droplet as the fluid solver gets it for a step of `dt`, with the temperature among the scalars if `hot`.
     pub(crate) fn body(&mut self, mesh: &Mesh<D>, voidage: &[f64], dt: f64, hot: bool) -> Result<Body<D>> {
         let Self { material, state, answer, immersion, .. } = self;
-        let (mut opening, mut swept) = (0.0, immersion.solid.iter().sum::<f64>());
+        let pores = &immersion.pores;
+        let (mut opening, mut perimeter, mut within) = (-pores.opening, 0.0, 0.0);
+        let mut swept = immersion.solid.iter().sum::<f64>() + pores.moving - pores.area.dot(&answer.velocity);
         for (facet, nodes) in (0..).zip(mesh.boundary(&self.boundary)?.facets.chunks_exact(D)) {
             let [a, b] = [0, 1].map(|k| voidage[nodes[k] as usize]);
             let length = (mesh.points[nodes[1] as usize] - mesh.points[nodes[0] as usize]).norm();
@@ -66,7 +86,14 @@ impl<const D: usize> Droplet<D> {
             let mean = length * (a + b) / 2.0;
             opening -= mean * along;
             swept += mean * answer.velocity.dot(&normal);
+            perimeter += length;
+            within += mean;
         }
+        let opening = opening.max(LEAST_OPENING * perimeter);
+        self.arrives = match material.choices.blowing {
+            Blowing::Superficial => 1.0,
+            Blowing::Interstitial => within / perimeter,
+        };
         let returned = RETURNED * self.part;
         let shrinks = answer.vapour * material.vapour_density / material.water.density;
         let expansion = (swept - shrinks + returned * state.volume / dt) / opening;
@@ -81,13 +108,20 @@ impl<const D: usize> Droplet<D> {
             self.moving[*node as usize] = answer.velocity + s * expansion;
         }
         let mass = material.water.density * state.liquid;
-        let share = 1.0 - immersion.volume / (std::f64::consts::PI * state.radius.powi(2));
+        // The share of the force of the gas that the liquid gets, and what it gets of the grains beside their drag.
+        let (share, pressed) = match material.choices.buoyancy {
+            Buoyancy::Surface => {
+                (1.0 - immersion.volume / (std::f64::consts::PI * state.radius.powi(2)), Vector::zeros())
+            }
+            Buoyancy::Hydrostatic => (1.0, material.gravity * (immersion.volume * material.water.density)),
+            Buoyancy::None => (1.0, Vector::zeros()),
+        };
         let motion = if material.held {
             BodyMotion::Held(state.velocity)
         } else {
             let inertia = (mass / dt + immersion.inertia) / share;
             let force = (state.velocity * mass + state.impulse * returned) / dt + material.gravity * mass;
-            let mut motion = BodyMotion::free(inertia, (force + immersion.force) / share);
+            let mut motion = BodyMotion::free(inertia, (force + immersion.force + pressed) / share);
             if let BodyMotion::Free { inertia: matrix, force } = &mut motion {
                 for (normal, fastest) in &self.stops {
                     *matrix += normal * normal.transpose() * (STOP * inertia);
@@ -96,9 +130,11 @@ impl<const D: usize> Droplet<D> {
             }
             motion
         };
+        self.given = immersion.heat + returned * state.warmth / dt;
         let evaporation = Evaporation {
             scalar: hot.then_some(crate::HEAT),
-            heat: immersion.heat + returned * state.warmth / dt,
+            heat_flux: material.choices.heat_flux,
+            heat: self.given,
             latent: material.latent_heat * material.vapour_density,
         };
         Ok(Body {
@@ -107,6 +143,7 @@ impl<const D: usize> Droplet<D> {
             expansion,
             motion,
             evaporation: Some(evaporation),
+            blowing: material.choices.blowing,
             solid: immersion.solid.clone(),
         })
     }
@@ -143,8 +180,13 @@ impl<const D: usize> Droplet<D> {
 
     /// Whether so little is left that it vanishes: a thousandth of the liquid, what boils within two steps, or a radius of two grains.
     pub(crate) fn vanishes(&self) -> bool {
-        let little = self.state.liquid < (VANISHES * self.first).max(2.0 * self.boils);
-        !self.state.gone && (little || self.state.radius < SMALLEST * self.immersion.widest)
+        !self.state.gone && self.is_little(self.state.liquid, self.boils)
+    }
+
+    /// The same with so much liquid left, and so much that boils in a step, m2.
+    fn is_little(&self, liquid: f64, boils: f64) -> bool {
+        let little = liquid < (VANISHES * self.first).max(2.0 * boils);
+        little || self.state.radius < SMALLEST * self.immersion.widest
     }
 
     /// Ends it. What is left of the liquid stays in its books.
@@ -182,8 +224,13 @@ impl<const D: usize> Droplet<D> {
                 "a droplet needs a solver that knows bodies and the balances of the boundary",
             )));
         };
-        let heat = balance.scalars.get(crate::HEAT).map_or(0.0, |given| -given);
         let BodyAnswer { velocity, vapour } = *body;
+        let Material { vapour_density, latent_heat, choices, .. } = &self.material;
+        let heat = match choices.heat_flux {
+            HeatFlux::Reaction => balance.scalars.get(crate::HEAT).map_or(0.0, |given| -given),
+            // What boiled it beside the grains.
+            HeatFlux::Gradient => vapour * vapour_density * latent_heat - self.given,
+        };
         self.answer = Answer { velocity, force: balance.force, heat, vapour, through: balance.flux };
         Ok(())
     }
@@ -202,8 +249,45 @@ impl<const D: usize> Droplet<D> {
         self.state.warmth -= heat;
     }
 
-    /// Moves by the step in hand, which was over `dt`: liquid, centre, radius and the nodes of the mesh. `solid(centre, radius)` is the volume of the grains
-    /// in such a droplet, m2, and its growth with the radius, m.
+    /// Where the step in hand, which was over `dt`, ends.
+    fn end(&self, dt: f64, grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken) -> Result<End<D>> {
+        let (state, surface) = (&self.state, &self.surface);
+        let rate = self.answer.vapour * self.material.vapour_density;
+        // The last step of its life may ask for more than there is.
+        let boils = (dt * rate / self.material.water.density).min(state.liquid);
+        let liquid = state.liquid - boils;
+        if self.is_little(liquid, boils) {
+            // From where it is: a surface that small has no room for its facets.
+            return Ok(End { rate, boils, place: None });
+        }
+        let centre = state.centre + self.answer.velocity * dt;
+        let radius = radius(liquid, state.radius, |radius| grains(surface, &centre, radius))?;
+        Ok(End { rate, boils, place: Some((centre, radius)) })
+    }
+
+    /// Whether no cell of the mesh would turn over if the step in hand, which was over `dt`, were accepted. `grains`
+    /// says what the grains take of a droplet.
+    ///
+    /// # Errors
+    /// No radius fits the volumes.
+    pub(crate) fn fits(
+        &self,
+        dt: f64,
+        mesh: &mut Mesh<D>,
+        grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken,
+    ) -> Result<bool> {
+        let End { place: Some((centre, radius)), .. } = self.end(dt, grains)? else { return Ok(true) };
+        let before = mesh.points.clone();
+        let measures: Vec<f64> = (0..mesh.cell_count()).map(|cell| mesh.measure(cell)).collect();
+        self.drag_along(&centre, radius, &mut mesh.points);
+        let kept = |(cell, before): (usize, &f64)| mesh.measure(cell) >= LEAST_MEASURE * before;
+        let fits = measures.iter().enumerate().all(kept);
+        mesh.points = before;
+        Ok(fits)
+    }
+
+    /// Moves by the step in hand, which was over `dt`: liquid, centre, radius and the nodes of the mesh. `grains`
+    /// says what the grains take of such a droplet.
     ///
     /// # Errors
     /// A cell of the mesh would turn over; no radius fits the volumes.
@@ -211,40 +295,39 @@ impl<const D: usize> Droplet<D> {
         &mut self,
         dt: f64,
         mesh: &mut Mesh<D>,
-        solid: impl Fn(&Surface<D>, &Vector<D>, f64) -> (f64, f64),
+        grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken,
     ) -> Result<()> {
+        if !self.fits(dt, mesh, &grains)? {
+            return Err(Error::run(Notice::new(
+                "the droplet moves so far in a step that a cell of the mesh would turn over, also of a new mesh",
+                "give a smaller time.step, or cut such steps: coupling.cut = {}",
+            )));
+        }
+        let End { rate, boils, place } = self.end(dt, &grains)?;
         let (answer, density) = (self.answer, self.material.water.density);
-        let rate = answer.vapour * self.material.vapour_density;
         let state = &mut self.state;
-        state.volume += dt * (answer.through + answer.vapour - rate / density);
-        // The last step of its life may ask for more than there is.
-        let boils = (dt * rate / density).min(state.liquid);
+        state.volume += dt * (answer.through + answer.vapour * self.arrives - rate / density);
         state.boiled += boils;
         state.liquid -= boils;
         self.boils = boils;
         (state.velocity, state.force, state.heat, state.vapour) =
             (answer.velocity, answer.force, answer.heat, answer.vapour);
-        if self.vanishes() {
-            // From where it is: a surface that small has no room for its facets.
-            return Ok(());
+        if let Some((centre, radius)) = place {
+            let pores = grains(&self.surface, &centre, radius).pores;
+            self.state.volume += pores - self.immersion.pores.volume;
+            self.put(&centre, radius, &mut mesh.points);
         }
-        let centre = self.state.centre + answer.velocity * dt;
-        let radius =
-            radius(self.state.liquid, self.state.radius, |radius| solid(&self.surface, &centre, radius))?;
-        let before: Vec<f64> = (0..mesh.cell_count()).map(|cell| mesh.measure(cell)).collect();
-        self.put(&centre, radius, &mut mesh.points);
-        let crushed = |(cell, before): (usize, &f64)| mesh.measure(cell) < LEAST_MEASURE * before;
-        match before.iter().enumerate().any(crushed) {
-            false => Ok(()),
-            true => Err(Error::run(Notice::new(
-                "the droplet moves so far in a step that a cell of the mesh would turn over",
-                "give a smaller time.step, or remesh after fewer steps (droplet.remesh.every)",
-            ))),
-        }
+        Ok(())
     }
 
     /// Moves surface and nodes to a centre and radius.
     pub(super) fn put(&mut self, centre: &Vector<D>, radius: f64, points: &mut [Vector<D>]) {
+        self.drag_along(centre, radius, points);
+        (self.state.centre, self.state.radius) = (*centre, radius);
+    }
+
+    /// Moves the nodes as the droplet moves to a centre and radius.
+    fn drag_along(&self, centre: &Vector<D>, radius: f64, points: &mut [Vector<D>]) {
         let (moved, grown) = (centre - self.state.centre, radius - self.state.radius);
         for (x, weight) in points.iter_mut().zip(&self.weight) {
             *x += (moved + (*x - self.state.centre).normalize() * grown) * *weight;
@@ -252,23 +335,23 @@ impl<const D: usize> Droplet<D> {
         for (node, s) in self.surface.nodes() {
             points[*node as usize] = centre + s * radius;
         }
-        (self.state.centre, self.state.radius) = (*centre, radius);
     }
 
-    /// Makes room for grains that are in it at time zero, of a solid volume, m2: its radius stays, and there is less liquid.
-    pub(crate) fn hold(&mut self, solid: f64) {
-        self.state.liquid -= solid;
-        self.first -= solid;
+    /// Makes room for grains that are in it at time zero, of a volume, m2: its radius stays, and there is less liquid.
+    pub(crate) fn hold(&mut self, volume: f64) {
+        self.state.liquid -= volume;
+        self.first -= volume;
     }
 }
 
-/// The radius r with pi r^2 = liquid + solid(r), from a guess: by Newton's method, kept between the radius of the liquid alone and twice the guess.
-fn radius(liquid: f64, guess: f64, solid: impl Fn(f64) -> (f64, f64)) -> Result<f64> {
+/// The radius r with pi r^2 = liquid + volume(r) of grains, from a guess: by Newton's method, kept between the radius
+/// of the liquid alone and twice the guess.
+fn radius(liquid: f64, guess: f64, grains: impl Fn(f64) -> Taken) -> Result<f64> {
     const STEPS: usize = 100;
     let pi = std::f64::consts::PI;
     let (mut low, mut high, mut radius) = ((liquid / pi).sqrt(), 2.0 * guess, guess);
     for _ in 0..STEPS {
-        let (volume, growth) = solid(radius);
+        let Taken { volume, growth, .. } = grains(radius);
         let excess = pi * radius * radius - liquid - volume;
         if excess.abs() <= 1e-14 * liquid {
             return Ok(radius);
@@ -288,7 +371,7 @@ fn radius(liquid: f64, guess: f64, solid: impl Fn(f64) -> (f64, f64)) -> Result<
     }
     // Rounding errors of many cut grains may keep the steps from coming to rest; what they leave must be small.
     let whole = pi * radius * radius;
-    match (whole - liquid - solid(radius).0).abs() <= 1e-12 * whole {
+    match (whole - liquid - grains(radius).volume).abs() <= 1e-12 * whole {
         true => Ok(radius),
         false => Err(Error::run(format!("no radius holds {liquid:e} m2 of liquid and the grains in it"))),
     }

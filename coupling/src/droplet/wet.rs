@@ -8,9 +8,11 @@
 //! ```
 //!
 //! with gamma_w = V_w times the drag law of the water at the voidage V_f/V of the droplet, and its pressure gradient -F/V the mean over the droplet of what
-//! the gas presses on its surface with (Gauss), so that the force F on the droplet is shared by water and grains by volume.
-//! Drag and heat are implicit in the motion of the grains with every scheme: the water would else throw them out within a step.
+//! the gas presses on its surface with (Gauss), so that the force F on the droplet is shared by water and grains by
+//! volume; [`super::Choices`] has others. Drag and heat are implicit in the motion of the grains with every scheme:
+//! the water would else throw them out within a step.
 
+use super::choices::GrainShare;
 use super::surface::{Chord, Surface};
 use crate::closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use crate::exchange::AtGrains;
@@ -53,10 +55,12 @@ struct WetGrain<const D: usize> {
     radius: f64,
     /// Share of it in the water.
     share: f64,
-    /// Solid volume in the water, m2.
+    /// Volume that it takes of the water, m2.
     volume: f64,
     /// Solid volume per area of the disc.
     solidity: f64,
+    /// The same with what else no water fills: of [`GrainShare::Disc`] one.
+    filled: f64,
     chords: Vec<Chord>,
     /// gamma_w, kg/s.
     drag: f64,
@@ -74,16 +78,47 @@ struct WetGrain<const D: usize> {
 pub struct Stream<const D: usize> {
     /// Velocity of the droplet U, m/s.
     pub velocity: Vector<D>,
-    /// Force of the gas on it over its volume, F/V, N/m3.
+    /// Force on a volume of grain, less the pressure gradient: of the gas on the droplet over its volume, F/V, N/m3.
     pub pressure: Vector<D>,
     /// Its temperature, K.
     pub temperature: f64,
 }
 
+/// What grains take of a droplet.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Taken {
+    /// Volume V_p, m2.
+    pub volume: f64,
+    /// How fast it grows with the radius of the surface, m.
+    pub growth: f64,
+    /// What of it is pores, m2.
+    pub pores: f64,
+}
+
+/// The pores of the grains in the water, where no water fills them.
+#[derive(Clone, Copy, Debug)]
+pub struct Pores<const D: usize> {
+    /// Volume, m2.
+    pub volume: f64,
+    /// What passes the surface with the grains: sum over chords of pores v . n, m2/s.
+    pub moving: f64,
+    /// Sum of pores n, m.
+    pub area: Vector<D>,
+    /// Sum of pores s . (-n), m.
+    pub opening: f64,
+}
+
+impl<const D: usize> Default for Pores<D> {
+    /// There are none.
+    fn default() -> Self {
+        Self { volume: 0.0, moving: 0.0, area: Vector::zeros(), opening: 0.0 }
+    }
+}
+
 /// What the grains in the water do to the droplet in a step, before its velocity is known.
 #[derive(Clone, Debug)]
 pub struct Immersion<const D: usize> {
-    /// Solid volume in the water V_p, m2.
+    /// Volume that grains take of the water V_p, m2.
     pub volume: f64,
     /// Diameter of the widest grain there, m.
     pub widest: f64,
@@ -95,6 +130,8 @@ pub struct Immersion<const D: usize> {
     pub heat: f64,
     /// Solid that passes the surface into the droplet: sum of chord v . n phi, a number for each node of each facet, m2/s.
     pub solid: Vec<f64>,
+    /// Pores that the water does not fill.
+    pub pores: Pores<D>,
 }
 
 /// What the grains in the water have done to it in a step.
@@ -102,6 +139,8 @@ pub struct Immersion<const D: usize> {
 pub struct Settled<const D: usize> {
     /// Force of the grains on the droplet by drag, N.
     pub force: Vector<D>,
+    /// Force of the pressure of the water on the grains, N.
+    pub pressed: Vector<D>,
     /// By how much that is more than the equation of the droplet had, N.
     pub missed: Vector<D>,
     /// Heat of the grains to the droplet, W.
@@ -113,14 +152,23 @@ pub struct Settled<const D: usize> {
 impl<const D: usize> Default for Immersion<D> {
     /// No grain is in the water.
     fn default() -> Self {
-        Self { volume: 0.0, widest: 0.0, inertia: 0.0, force: Vector::zeros(), heat: 0.0, solid: vec![] }
+        Self {
+            volume: 0.0,
+            widest: 0.0,
+            inertia: 0.0,
+            force: Vector::zeros(),
+            heat: 0.0,
+            solid: vec![],
+            pores: Pores::default(),
+        }
     }
 }
 
 impl<const D: usize> Default for Settled<D> {
     /// No grain is in the water.
     fn default() -> Self {
-        Self { force: Vector::zeros(), missed: Vector::zeros(), heat: 0.0, missed_heat: 0.0 }
+        let none = Vector::zeros();
+        Self { force: none, pressed: none, missed: none, heat: 0.0, missed_heat: 0.0 }
     }
 }
 
@@ -136,40 +184,62 @@ pub struct Wet<const D: usize> {
     transfer: Vec<f64>,
 }
 
-/// Solid volume of the grains within a surface, m2, and how fast it grows with the radius of the surface, m.
-pub fn solid_within<const D: usize>(
+/// What the grains within a surface take of it.
+pub fn taken_within<const D: usize>(
     particles: &Particles<D>,
     surface: &Surface<D>,
     (centre, size): (&Vector<D>, f64),
-) -> (f64, f64) {
-    let parts: Vec<(f64, f64)> = (0..particles.len())
+    share: GrainShare,
+) -> Taken {
+    let parts: Vec<Taken> = (0..particles.len())
         .into_par_iter()
         .filter_map(|i| {
             let (radius, x) = (particles.radius[i], particles.position[i] - centre);
             let within = surface.cut(size, &x, radius)?;
             let solidity = particles.volume[i] / (std::f64::consts::PI * radius * radius);
+            let filled = share.of(solidity);
             let shape = |c: &Chord| surface.shape(c.facet, c.at).dot(&surface.normal(c.facet));
             let rate: f64 = within.chords.iter().map(|c| -c.length * shape(c)).sum();
-            Some((within.area * solidity, rate * solidity))
+            Some(Taken {
+                volume: within.area * filled,
+                growth: rate * filled,
+                pores: within.area * (filled - solidity),
+            })
         })
         .collect();
-    parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
+    parts.iter().fold(Taken::default(), |sum, part| Taken {
+        volume: sum.volume + part.volume,
+        growth: sum.growth + part.growth,
+        pores: sum.pores + part.pores,
+    })
 }
 
 impl<const D: usize> Wet<D> {
     /// Finds the grains that the water reaches.
-    pub fn cut(&mut self, particles: &Particles<D>, surface: &Surface<D>, centre: &Vector<D>, size: f64) {
+    pub fn cut(
+        &mut self,
+        particles: &Particles<D>,
+        surface: &Surface<D>,
+        (centre, size): (&Vector<D>, f64),
+        taken: GrainShare,
+    ) {
         let found = (0..particles.len()).into_par_iter().filter_map(|i| {
             let radius = particles.radius[i];
             let within = surface.cut(size, &(particles.position[i] - centre), radius)?;
             let whole = std::f64::consts::PI * radius * radius;
             let (share, solidity) = (within.area / whole, particles.volume[i] / whole);
+            let filled = taken.of(solidity);
+            let volume = match taken {
+                GrainShare::Solid => share * particles.volume[i],
+                GrainShare::Disc => within.area,
+            };
             Some(WetGrain {
                 grain: i as u32,
                 radius,
                 share,
-                volume: share * particles.volume[i],
+                volume,
                 solidity,
+                filled,
                 chords: within.chords,
                 drag: 0.0,
                 transfer: 0.0,
@@ -215,9 +285,15 @@ impl<const D: usize> Wet<D> {
         self.of(grain).map_or_else(Vector::zeros, |wet| wet.push(stream))
     }
 
-    /// Solid volume in the water, m2.
+    /// Volume that the grains take of the water, m2.
     pub fn volume(&self) -> f64 {
         self.grains.iter().map(|wet| wet.volume).sum()
+    }
+
+    /// Solid volume of the grains in the water, m2.
+    pub fn solid(&self) -> f64 {
+        let area = |wet: &WetGrain<D>| std::f64::consts::PI * wet.radius * wet.radius;
+        self.grains.iter().map(|wet| wet.share * wet.solidity * area(wet)).sum()
     }
 
     /// Number of grains that the water reaches.
@@ -273,6 +349,8 @@ impl<const D: usize> Wet<D> {
         for wet in &self.grains {
             let slip = wet.mobility * wet.drag;
             sum.volume += wet.volume;
+            sum.pores.volume +=
+                wet.share * (wet.filled - wet.solidity) * std::f64::consts::PI * wet.radius.powi(2);
             sum.widest = sum.widest.max(2.0 * wet.radius);
             sum.inertia += wet.drag * (1.0 - slip);
             sum.force += (wet.response - stream.velocity * slip) * wet.drag;
@@ -286,6 +364,9 @@ impl<const D: usize> Wet<D> {
                 let place = D * chord.facet as usize;
                 sum.solid[place] += passes * (1.0 - chord.at);
                 sum.solid[place + 1] += passes * chord.at;
+            }
+            if wet.filled > wet.solidity {
+                sum.pores.pass(wet, surface, &velocity);
             }
         }
         sum
@@ -364,6 +445,7 @@ impl<const D: usize> Wet<D> {
             let i = wet.grain as usize;
             let expected = wet.response + (stream.velocity - before) * (wet.mobility * wet.drag);
             sum.force += (velocity[i] - stream.velocity) * wet.drag;
+            sum.pressed += stream.pressure * wet.volume;
             sum.missed += (velocity[i] - expected) * wet.drag;
             if let Some(temperature) = temperature.get(i) {
                 sum.heat += wet.transfer * (temperature - stream.temperature);
@@ -371,6 +453,28 @@ impl<const D: usize> Wet<D> {
             }
         }
         sum
+    }
+}
+
+impl<const D: usize> Pores<D> {
+    /// Adds where the surface cuts a grain that moves with a velocity.
+    fn pass(&mut self, wet: &WetGrain<D>, surface: &Surface<D>, velocity: &Vector<D>) {
+        for chord in &wet.chords {
+            let area = surface.normal(chord.facet) * (chord.length * (wet.filled - wet.solidity));
+            self.moving += area.dot(velocity);
+            self.area += area;
+            self.opening -= area.dot(&surface.shape(chord.facet, chord.at));
+        }
+    }
+}
+
+impl GrainShare {
+    /// Volume that a grain of this solidity takes, per area of its disc.
+    fn of(self, solidity: f64) -> f64 {
+        match self {
+            Self::Solid => solidity,
+            Self::Disc => 1.0,
+        }
     }
 }
 

@@ -4,6 +4,8 @@
 //! their own, until a part is good, which is accepted. The next part is twice as long again where that is not known to be too far and
 //! the whole step stays a multiple of it. The mesh moves with the parts. What the grains, the walls and the boundary get in the step are the
 //! means over its parts.
+//!
+//! Where a droplet moves so far that a cell of the mesh would turn over, the domain is remeshed first.
 
 use super::Scheme;
 use crate::{Agreement, Mixture, StepReport, error::Result};
@@ -128,15 +130,18 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             .map_or((1, f64::INFINITY, f64::INFINITY), |cut| (1 << HALVINGS, cut.travel, cut.absorption));
         let (mut done, mut length, mut spent) = (0, most, 0);
         let (mut sum, mut mean, mut grains) = (None::<Agreement>, None::<Mean<D>>, None);
+        let mut renewed = false;
         while done < most {
             let part = Part { dt: dt * f64::from(length) / f64::from(most), whole: dt };
-            if let Some(droplet) = mixture.fluid.live_droplet() {
+            let droplet = mixture.fluid.live_droplet();
+            let moves_mesh = droplet.is_some();
+            if let Some(droplet) = droplet {
                 droplet.part = part.dt / dt;
             }
             if length < most {
                 mixture.move_mesh(|motion, time, points| motion.advance(time, part.dt, points));
             }
-            let accepted = (length > 1).then(|| {
+            let accepted = (length > 1 || moves_mesh).then(|| {
                 mixture.grains.save();
                 mixture.interaction.at.clone()
             });
@@ -145,14 +150,24 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             agreement.travel = agreement.travel.max(moved);
             // How much of what a part may do this one has done.
             let used = (agreement.travel / travel).max(absorbed / absorption);
-            if let (false, Some(accepted)) = (agreement.converged && used <= 1.0, accepted) {
+            let fits = mixture.droplet_fits(part.dt)?;
+            // Before a cell turns over the domain is remeshed, once, and the part done again.
+            let renews = !fits && !renewed;
+            let halves = length > 1 && !(agreement.converged && used <= 1.0 && fits);
+            if let (true, Some(accepted)) = (renews || halves, accepted) {
                 mixture.grains.rewind();
                 // The halves start from the last accepted fluid, not from an answer that was none.
                 mixture.interaction.at = accepted;
                 spent += agreement.solves;
-                length /= 2;
+                if renews {
+                    mixture.renew(&mut report)?;
+                    renewed = true;
+                } else {
+                    length /= 2;
+                }
                 continue;
             }
+            renewed = false;
             let agreement = self.scheme.settle(mixture, part, agreement);
             if length < most {
                 mean.get_or_insert_default().add(mixture, f64::from(length) / f64::from(most));

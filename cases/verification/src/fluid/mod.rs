@@ -5,6 +5,7 @@ use super::Case;
 mod body;
 mod cavity;
 mod convection;
+mod half_plane;
 mod hele_shaw;
 mod immersed;
 pub mod manufactured;
@@ -26,5 +27,6 @@ pub const CASES: &[Case] = &[
     rayleigh::CASE,
     stefan::CASE,
     body::CASE,
+    half_plane::CASE,
     taylor::CASE,
 ];

@@ -212,6 +212,7 @@ pub(super) fn droplet(scene: &Scene, droplet: &Droplet) -> Checked {
     for name in droplet.scalars.keys() {
         known(scene, &format!("droplet.scalars.{name}"), name, &scalars, "scalar of the fluid")?;
     }
+    choices(scene, droplet)?;
     let name = &droplet.boundary;
     if fluid.boundaries.iter().any(|boundary| boundary.name == *name) {
         let message = format!("`droplet.boundary = \"{name}\"` has a table in `[[fluid.boundaries]]`");
@@ -230,6 +231,29 @@ pub(super) fn droplet(scene: &Scene, droplet: &Droplet) -> Checked {
         return fail(scene, "fluid", message, "give a boundary `flow = \"open\"`");
     }
     Ok(())
+}
+
+/// Checks of what a droplet leaves to choose: a choice that nothing depends on is a mistake.
+fn choices(scene: &Scene, droplet: &Droplet) -> Checked {
+    if droplet.heat_flux != Default::default()
+        && scene.fluid.as_ref().is_none_or(|fluid| fluid.heat.is_none())
+    {
+        let message = "`droplet.heat_flux` is there, but the gas has no temperature";
+        return fail(scene, "droplet.heat_flux", message, "add `[fluid.heat]`, or take it away");
+    }
+    let of_grains = [
+        ("blowing", droplet.blowing != Default::default()),
+        ("grain_share", droplet.grain_share != Default::default()),
+        ("buoyancy", droplet.buoyancy != Default::default()),
+        ("inside", droplet.inside != Default::default()),
+    ];
+    match of_grains.into_iter().find(|(_, given)| *given && scene.grains.is_empty()) {
+        None => Ok(()),
+        Some((key, _)) => {
+            let message = format!("`droplet.{key}` is there, but no grains: it changes nothing");
+            fail(scene, &format!("droplet.{key}"), message, "add `[[grains]]`, or take it away")
+        }
+    }
 }
 
 impl Scene {

@@ -23,8 +23,6 @@ pub struct Run<'a> {
     pub time: f64,
     /// Gravity, m/s2.
     gravity: f64,
-    /// Density of the liquid, kg/m3.
-    density: f64,
     /// Temperature of the droplet, K.
     temperature: f64,
 }
@@ -46,7 +44,6 @@ impl<'a> Run<'a> {
             diameter,
             time: (diameter / gravity).sqrt(),
             gravity,
-            density: droplet.liquid.density,
             temperature: droplet.temperature,
         };
         (gravity > 0.0 && diameter > 0.0).then_some(run)
@@ -112,21 +109,16 @@ impl<'a> Run<'a> {
         self.over_time(lifetime.iter().map(|lifetime| if *lifetime > 0.0 { *lifetime } else { f64::NAN }))
     }
 
-    /// Vertical forces on the liquid over its weight at time zero: weight, gas, grains, and the sum, which moves it. The grains in the droplet take
-    /// their share by volume of what the gas presses with, so that the grains give this to the liquid with the opposite sign, and their drag.
+    /// Vertical forces on the liquid over its weight at time zero: weight, gas, grains, and the sum, which moves it.
+    /// Grains act by their drag and by the pressure of the water on them.
     fn forces(&self) -> Option<Parts> {
         let mass = self.column("droplet_liquid_kg_per_m")?;
-        let radius = self.column("droplet_radius_m")?;
         let gas = self.column("droplet_gas_force_y_N_per_m")?;
         let drag = self.column("droplet_grain_force_y_N_per_m")?;
+        let pressure = self.column("droplet_grain_pressure_force_y_N_per_m")?;
         let scale = mass.first()? * self.gravity;
         let weight: Vec<f64> = mass.iter().map(|mass| -mass * self.gravity).collect();
-        let grains: Vec<f64> = (0..mass.len())
-            .map(|row| {
-                let liquid = mass[row] / (self.density * std::f64::consts::PI * radius[row].powi(2));
-                drag[row] - (1.0 - liquid) * gas[row]
-            })
-            .collect();
+        let grains = drag.iter().zip(pressure).map(|(drag, pressure)| drag + pressure).collect();
         let parts = vec![("weight", weight), ("gas", gas.to_vec()), ("grains", grains)];
         (scale > 0.0).then_some(Parts { parts, scale })
     }
