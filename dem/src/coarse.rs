@@ -164,12 +164,21 @@ impl<const D: usize> Coarse<D> {
         self.fresh = false;
     }
 
-    /// Corrects the impulses and the velocities, if there are factors; `free` sets those without contacts.
-    pub fn correct<L: Law>(&mut self, problem: &mut Problem<D>, free: &dyn Fn(&Bodies<D>)) -> bool {
+    /// Corrects the impulses and the velocities, if there are factors; `free` sets those without contacts. Factors are those of the
+    /// impulses and of their changes, if these are known and `wide`.
+    pub fn correct<L: Law>(
+        &mut self,
+        problem: &mut Problem<D>,
+        free: &dyn Fn(&Bodies<D>),
+        wide: bool,
+    ) -> bool {
         self.idle = 0;
-        if self.known > usize::from(self.marked) {
+        if wide {
+            if self.known == usize::from(self.marked) {
+                return false;
+            }
             self.find::<L, COLUMNS>(problem);
-        } else if !self.fresh {
+        } else if self.wide || !self.fresh {
             self.find::<L, 1>(problem);
         }
         let corrects = std::mem::take(&mut self.fresh) && self.bound();

@@ -13,6 +13,9 @@ use rayon::prelude::*;
 
 /// Share of the error that may be left up to which all sleeping tiles together have it.
 const QUIET: f64 = 0.01;
+/// Share of the speed of closing that no contact may exceed, up to which a tile sleeps: light grains among heavy ones have little
+/// part in the energy, and would pass into each other over many steps.
+const CLOSES: f64 = 0.05;
 
 /// Tiles that are swept, and what momentum remembers.
 #[derive(Default)]
@@ -66,7 +69,7 @@ impl<const D: usize> Problem<D> {
         let most = QUIET * may_be_left / self.tiles.len() as f64;
         for tile in 0..self.tiles.len() {
             let found = &self.tiles.found[tile];
-            let quiet = found.rough.get() <= most && found.closing.get() <= closing;
+            let quiet = found.rough.get() <= most && found.closing.get() <= CLOSES * closing;
             if !self.awake.tiles[tile] && !quiet {
                 self.wake_tile(tile);
             }

@@ -57,7 +57,9 @@ const DIVERGED: f64 = 30.0;
 /// interrupt the momentum of the sweeps that do.
 const HELPED: f64 = 0.9;
 const LONGEST_PAUSE: usize = 64;
-/// Error above which no correction waits: the measure still grows with the impulses.
+/// Error above which no correction waits, and share of it that is smooth from which none does: the measure still grows with the
+/// impulses.
+const SEEN: f64 = 0.5;
 const GROWING: f64 = 1e-2;
 /// Error above which the changes of the impulses belong to the measure and the corrections.
 const NEAR: f64 = 1e-6;
@@ -74,6 +76,7 @@ pub(super) enum Measure {
 /// When impulses are corrected over long distances.
 struct Corrections {
     allowed: bool,
+    diverged: bool,
     /// The run after which the next one is due, and the runs between two.
     next: usize,
     pause: usize,
@@ -89,9 +92,11 @@ impl Corrections {
     }
 
     /// Sets the pause by what the last one has done.
-    fn learn(&mut self, run: usize, error: f64) {
+    fn learn(&mut self, run: usize, outcome: &Outcome) {
+        let error = outcome.error;
         if std::mem::take(&mut self.made) {
-            if error > GROWING || error <= HELPED * self.before {
+            let seen = outcome.smooth > SEEN * outcome.energy;
+            if seen || error > GROWING || error <= HELPED * self.before {
                 self.pause = self.pause.div_ceil(2);
                 self.next = run + self.pause - 1;
             } else {
@@ -116,11 +121,12 @@ impl<const D: usize> Problem<D> {
         let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > super::STRONG);
         self.trend.start(self.bodies.len());
         let mut pace = self.sleep(stopping.momentum);
-        if !stopping.momentum {
+        if !stopping.momentum || stopping.interior {
             self.wake_all();
         }
         let mut corrections = Corrections {
             allowed: stopping.short_runs.is_some() && self.coarse.reach_far(),
+            diverged: !self.coarse.reach_far(),
             next: stopping.short_runs.unwrap_or(0),
             pause: 1,
             before: f64::INFINITY,
@@ -145,7 +151,7 @@ impl<const D: usize> Problem<D> {
             let judged = self.judge::<L>(stopping, grains, measure, trend);
             let work = outcome.work + count * self.awake.contacts + judged.work;
             outcome = Outcome { sweeps: outcome.sweeps + count, work, ..judged };
-            corrections.learn(run, outcome.error);
+            corrections.learn(run, &outcome);
             let mut correct = corrections.due(run);
             if outcome.solved(stopping) {
                 let (sweeps, error) = *solved.get_or_insert((outcome.sweeps, outcome.error));
@@ -155,6 +161,9 @@ impl<const D: usize> Problem<D> {
                     break;
                 }
                 correct = enough;
+            } else if solved.take().is_some() {
+                // From a cold start impulses may grow for a while before their error is seen.
+                corrections.allowed = !corrections.diverged && stopping.short_runs.is_some();
             }
             if last {
                 break;
@@ -162,7 +171,8 @@ impl<const D: usize> Problem<D> {
             let most = if solved.is_some() { 1.0 } else { DIVERGED / corrections.before.min(1.0) };
             if outcome.error > most * corrections.before {
                 // Where walls leave no room there is no solution, and a correction only adds stress.
-                (corrections.allowed, corrections.before) = (false, f64::INFINITY);
+                (corrections.allowed, corrections.diverged) = (false, true);
+                corrections.before = f64::INFINITY;
                 self.take_back(grains);
                 pace = self.sleep(stopping.momentum);
                 self.look::<L>();
@@ -212,21 +222,26 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    /// Corrects the impulses over long distances, if that adds no more energy than is wrong, J. (What factors promise need not
-    /// come true: impulses that are changed so must be cut back to Coulomb's law.)
+    /// Corrects the impulses over long distances, if that adds no more energy than is wrong, J. What factors of changes promise
+    /// need not come true, because impulses that are changed so must be cut back to Coulomb's law; then factors of the impulses
+    /// alone follow, which keep them within it.
     fn correct<L: Law>(&mut self, grains: &Grains<D>, wrong: f64) -> bool {
         self.uncorrected.clear();
         crate::reserve(&mut self.uncorrected, self.contacts.len());
         self.uncorrected.extend(self.contacts.iter().map(|c| c.impulse));
         let before = self.energy();
-        let mut coarse = std::mem::take(&mut self.coarse);
-        let corrected = coarse.correct::<L>(self, grains.free);
-        self.coarse = coarse;
-        let helps = corrected && self.energy() < before + wrong;
-        if corrected && !helps {
-            self.take_back(grains);
+        for wide in [true, false] {
+            let mut coarse = std::mem::take(&mut self.coarse);
+            let corrected = coarse.correct::<L>(self, grains.free, wide);
+            self.coarse = coarse;
+            if corrected && self.energy() < before + wrong {
+                return true;
+            }
+            if corrected {
+                self.take_back(grains);
+            }
         }
-        helps
+        false
     }
 
     /// 1/2 |v|^2 + bias p, which the impulses of the contacts minimise without friction, J.

@@ -28,9 +28,10 @@ const CHUNK: usize = 10_000;
 #[derive(Default)]
 pub(super) struct Trend<const D: usize> {
     sweeps: usize,
-    /// Sweeps after which velocities were kept, the smaller number first, and the velocities.
+    /// Sweeps after which velocities were kept, the smaller number first, and the velocities in few
+    /// bytes: changes within their rounding are none.
     at: [usize; 2],
-    kept: [Vec<Vector<D>>; 2],
+    kept: [Vec<[f32; D]>; 2],
     /// How many times they were kept, up to two.
     known: usize,
 }
@@ -41,7 +42,7 @@ impl<const D: usize> Trend<D> {
         (self.sweeps, self.known) = (0, 0);
         for kept in &mut self.kept {
             crate::reserve(kept, bodies);
-            kept.resize(bodies, Vector::zeros());
+            kept.resize(bodies, [0.0; D]);
         }
     }
 
@@ -51,8 +52,10 @@ impl<const D: usize> Trend<D> {
         if self.known == 0 || self.sweeps as f64 >= (GROWTH * newest as f64).max(newest as f64 + 1.0) {
             self.at = [newest, self.sweeps];
             self.kept.swap(0, 1);
-            let copy = |(chunk, kept): (usize, &mut [Vector<D>])| {
-                (chunk * CHUNK..).zip(kept).for_each(|(i, kept)| *kept = bodies.velocity(i));
+            let copy = |(chunk, kept): (usize, &mut [[f32; D]])| {
+                for (i, kept) in (chunk * CHUNK..).zip(kept) {
+                    *kept = bodies.velocity(i).map(|v| v as f32).into();
+                }
             };
             self.kept[1].par_chunks_mut(CHUNK).enumerate().for_each(copy);
             self.known = (self.known + 1).min(2);
@@ -71,7 +74,12 @@ impl<const D: usize> Trend<D> {
             return f64::INFINITY;
         }
         let changed = parallel::sum(0..self.kept[newest].len(), &|i| {
-            let (mobility, change) = (bodies.mobility(i), bodies.velocity(i) - self.kept[newest][i]);
+            let (mobility, v) = (bodies.mobility(i), bodies.velocity(i));
+            let change = Vector::<D>::from_fn(|a, _| {
+                let before = f64::from(self.kept[newest][i][a]);
+                let change = v[a] - before;
+                if change.abs() <= f64::from(f32::EPSILON) * before.abs() { 0.0 } else { change }
+            });
             if mobility > 0.0 { 0.5 * change.norm_squared() / mobility } else { 0.0 }
         });
         // With alpha 1.
