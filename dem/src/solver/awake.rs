@@ -48,10 +48,12 @@ impl<const D: usize> Problem<D> {
         let awake = &mut self.awake;
         awake.contacts = 0;
         awake.bodies.clear();
+        // Walls do not move.
+        awake.bodies.reserve_exact(self.position.len());
         awake.tiles.clear();
         awake.tiles.resize(self.tiles.len(), false);
         awake.moves.clear();
-        awake.moves.resize(self.bodies.len(), false);
+        awake.moves.resize(self.position.len(), false);
         let [contacts, bodies] = if on { [self.contacts.len(), self.bodies.len()] } else { [0, 0] };
         crate::reserve(&mut awake.last, contacts);
         awake.last.resize(contacts, Vector::zeros());
@@ -94,7 +96,7 @@ impl<const D: usize> Problem<D> {
                 *last = c.impulse;
             }
             for i in [c.i, c.j] {
-                if !std::mem::replace(&mut awake.moves[i as usize], true) {
+                if awake.moves.get_mut(i as usize).is_some_and(|moves| !std::mem::replace(moves, true)) {
                     awake.bodies.push(i);
                     remember(bodies, i as usize, &awake.last_velocity, &awake.last_surface);
                 }

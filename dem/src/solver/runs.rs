@@ -119,7 +119,7 @@ impl<const D: usize> Problem<D> {
         let corners = self.corners();
         self.coarse.restart(corners, &self.radius, &mut self.uncorrected);
         let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > super::STRONG);
-        self.trend.start(self.bodies.len());
+        self.trend.start(self.position.len());
         let mut pace = self.sleep(stopping.momentum);
         if !stopping.momentum || stopping.interior {
             self.wake_all();

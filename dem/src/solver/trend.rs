@@ -37,13 +37,10 @@ pub(super) struct Trend<const D: usize> {
 }
 
 impl<const D: usize> Trend<D> {
-    /// Begins with a problem.
+    /// Begins with a problem of so many bodies that move.
     pub fn start(&mut self, bodies: usize) {
         (self.sweeps, self.known) = (0, 0);
-        for kept in &mut self.kept {
-            crate::reserve(kept, bodies);
-            kept.resize(bodies, [0.0; D]);
-        }
+        self.kept.iter_mut().for_each(|kept| kept.resize(bodies, [0.0; D]));
     }
 
     /// Counts a sweep that is about to start, and keeps the velocities if it is time.
