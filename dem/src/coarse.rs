@@ -18,6 +18,7 @@
 
 use crate::bodies::Bodies;
 use crate::contact::{Contact, Law};
+use crate::parallel;
 use crate::solver::{FORK, Problem};
 use crate::space::{Vector, cut, turned};
 use nodes::{COUPLED, NEAR, Nodes, offsets};
@@ -245,7 +246,7 @@ impl<const D: usize> Coarse<D> {
             chunk.known.clear();
             chunk.known.resize(nodes * F, 0.0);
         }
-        chunks.par_iter_mut().enumerate().for_each(|(k, chunk)| {
+        let assemble = |k: usize, chunk: &mut Chunk| {
             let range = |all: usize| all * k / count..all * (k + 1) / count;
             range(problem.contacts.len()).for_each(|k| self.know::<L, F>(problem, k, &mut chunk.known));
             let mut pushes = [[(Vector::zeros(), 0.0); F]; NEAR.pow(3)];
@@ -256,7 +257,8 @@ impl<const D: usize> Coarse<D> {
                     self.add(problem, slot, &base, pushes, &mut chunk.matrix);
                 }
             }
-        });
+        };
+        parallel::each(&mut chunks, 0, &assemble);
         let (first, others) = chunks.split_at_mut(1);
         for chunk in others {
             first[0].matrix.iter_mut().zip(&chunk.matrix).for_each(|(a, b)| *a += b);
@@ -460,7 +462,12 @@ impl<const D: usize> Coarse<D> {
                 c.impulse += cut(&c.normal, tangential, c.friction * (normal + cohesion));
             }
         };
-        contacts.par_iter_mut().with_min_len(FORK).enumerate().for_each(correct);
+        // Handing work to other threads allocates now and then.
+        if contacts.len() > FORK {
+            contacts.par_iter_mut().with_min_len(FORK).enumerate().for_each(correct);
+        } else {
+            contacts.iter_mut().enumerate().for_each(correct);
+        }
         problem.contacts = contacts;
     }
 }

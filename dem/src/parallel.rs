@@ -3,8 +3,10 @@
 
 use std::ops::Range;
 
-/// Items of a leaf: what a fork costs is little beside them.
+/// Items of a leaf of the tree.
 const LEAF: usize = 4096;
+/// Items above which halves go to two threads: what that costs, and allocates now and then, is little beside them.
+const FORK: usize = 10_000;
 
 /// Sum of `f` over a range.
 pub(crate) fn sum(range: Range<usize>, f: &(impl Fn(usize) -> f64 + Sync)) -> f64 {
@@ -35,7 +37,11 @@ fn fold(
         return range.map(f).fold(0.0, join);
     }
     let middle = range.start + range.len() / 2;
-    let (a, b) = rayon::join(|| fold(range.start..middle, f, join), || fold(middle..range.end, f, join));
+    let (left, right) = (range.start..middle, middle..range.end);
+    let (a, b) = match range.len() > FORK {
+        true => rayon::join(|| fold(left, f, join), || fold(right, f, join)),
+        false => (fold(left, f, join), fold(right, f, join)),
+    };
     join(a, b)
 }
 

@@ -286,7 +286,9 @@ impl<const D: usize> Problem<D> {
     /// that falls freely on light grains would look solved. r / rho is the speed by which a contact is violated.
     fn look<L: Law>(&mut self) -> Look {
         let (bodies, cohesion, radius) = (&self.bodies, &self.cohesion, &self.radius);
-        self.tiles.found.resize_with(self.tiles.len(), Default::default);
+        let count = self.tiles.len();
+        crate::reserve(&mut self.tiles.found, count);
+        self.tiles.found.resize_with(count, Default::default);
         let tiles = &self.tiles;
         let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], tile: usize| {
             let (mut sums, first) = (NOTHING, tiles.contacts(tile).start);

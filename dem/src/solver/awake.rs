@@ -51,16 +51,15 @@ impl<const D: usize> Problem<D> {
         // Walls do not move.
         awake.bodies.reserve_exact(self.position.len());
         awake.tiles.clear();
+        crate::reserve(&mut awake.tiles, self.tiles.len());
         awake.tiles.resize(self.tiles.len(), false);
         awake.moves.clear();
         awake.moves.resize(self.position.len(), false);
-        let [contacts, bodies] = if on { [self.contacts.len(), self.bodies.len()] } else { [0, 0] };
+        let [contacts, bodies] = if on { [self.contacts.len(), self.position.len()] } else { [0, 0] };
         crate::reserve(&mut awake.last, contacts);
         awake.last.resize(contacts, Vector::zeros());
-        crate::reserve(&mut awake.last_velocity, bodies);
         awake.last_velocity.resize_with(bodies, || std::array::from_fn(|_| Shared::default()));
         let spinning = if self.bodies.spins() { bodies } else { 0 };
-        crate::reserve(&mut awake.last_surface, spinning);
         awake.last_surface.resize_with(spinning, Shared::default);
         on.then(Momentum::default)
     }

@@ -54,7 +54,12 @@ impl<const D: usize> Trend<D> {
                     *kept = bodies.velocity(i).map(|v| v as f32).into();
                 }
             };
-            self.kept[1].par_chunks_mut(CHUNK).enumerate().for_each(copy);
+            // Handing work to other threads allocates now and then.
+            if self.kept[1].len() > CHUNK {
+                self.kept[1].par_chunks_mut(CHUNK).enumerate().for_each(copy);
+            } else {
+                self.kept[1].chunks_mut(CHUNK).enumerate().for_each(copy);
+            }
             self.known = (self.known + 1).min(2);
         }
         self.sweeps += 1;
