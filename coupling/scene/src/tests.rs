@@ -46,7 +46,7 @@ fn parse(sets: &[&str]) -> Result<Scene, Box<SceneError>> {
 fn absent_tables_are_parts_that_are_off_and_defaults_are_filled_in() {
     let scene = parse(&[]).unwrap();
     assert!(scene.fluid.is_none() && scene.coupling.is_none() && !scene.grains_have_heat());
-    assert_eq!(scene.contacts.unwrap().tolerance, 1e-3);
+    assert_eq!(scene.contacts.unwrap().tolerance, 2e-2);
     assert_eq!(scene.grains[0].solidity, 1.0);
 }
 
@@ -90,7 +90,7 @@ fn the_hash_follows_physics_and_not_output() {
         "title=other",
         "time.end=2",
         "output.frame_interval=0.1",
-        "contacts.tolerance=1e-3",
+        "contacts.tolerance=2e-2",
         "contacts.max_penetration=0.8",
     ] {
         assert_eq!(plain, hash(&[same]), "{same}");
