@@ -293,6 +293,8 @@ impl<const D: usize> Dem<D> {
             }
             false => Default::default(),
         };
+        problem.mark_near_moving(|bodies, moving| scene.mark_moving(&search.grid.grain_of, bodies, moving));
+        scene.stop_resting(&search.grid.grain_of, &problem.bodies, &problem.moving);
         report.sweeps += outcome.sweeps;
         report.work += outcome.work;
         for (slot, &i) in search.grid.grain_of.iter().enumerate() {

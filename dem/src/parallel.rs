@@ -1,6 +1,7 @@
 //! Sums and maxima over many items, and work on parts: the same bit for bit on any number of threads: the tree of
 //! halves depends on their number only.
 
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Items of a leaf of the tree.
@@ -26,6 +27,14 @@ pub(crate) fn each<T: Send>(items: &mut [T], first: usize, f: &(impl Fn(usize, &
     let middle = items.len() / 2;
     let (left, right) = items.split_at_mut(middle);
     rayon::join(|| each(left, first, f), || each(right, first + middle, f));
+}
+
+/// Calls `f` with parts of the items and the number of the first of each.
+pub(crate) fn each_chunk<T: Send>(items: &mut [T], f: &(impl Fn(usize, &mut [T]) + Sync)) {
+    match items.len() > FORK {
+        true => items.par_chunks_mut(LEAF).enumerate().for_each(|(k, chunk)| f(k * LEAF, chunk)),
+        false => f(0, items),
+    }
 }
 
 fn fold(

@@ -41,6 +41,7 @@ pub(crate) fn repair<const D: usize>(
         max_sweeps: REPAIR_SWEEPS.min(stopping.max_sweeps),
         short_runs: stopping.short_runs.map(|_| 0),
         settling_sweeps: 0,
+        rest: 0.0,
         forced: 0.0,
         closing: f64::INFINITY,
         interior: false,
@@ -54,7 +55,8 @@ pub(crate) fn repair<const D: usize>(
     };
     let biases = problem.ask_overlaps_back(LEFT, scene.h);
     let deepest = problem.deepest(scene.h);
-    let outcome = problem.solve(&stopping, &Grains { free: &free, pushed: &pushed, changed: &|_| 0.0 });
+    let grains = Grains { free: &free, pushed: &pushed, changed: &|_| 0.0, moving: &|_, _| 1.0 };
+    let outcome = problem.solve(&stopping, &grains);
     // What is not solved may push grains deeper into others, or far away: then the overlaps stay.
     let helps = problem.deepest(scene.h) <= deepest.max(DEEP);
     let repair = match helps {

@@ -66,6 +66,54 @@ impl<const D: usize> Scene<'_, D> {
         })
     }
 
+    /// Takes the velocities of grains that rest, but not those that are marked.
+    pub fn stop_resting(&self, grain_of: &[u32], bodies: &Bodies<D>, moving: &[bool]) {
+        for (slot, &i) in grain_of.iter().enumerate().filter(|(slot, _)| !moving[*slot]) {
+            let surface = if bodies.spins() { bodies.surface(slot) } else { 0.0 };
+            if self.rests(i as usize, &bodies.velocity(slot), surface) {
+                bodies.set_velocity(slot, &Vector::zeros());
+                if bodies.spins() {
+                    bodies.set_surface(slot, 0.0);
+                }
+            }
+        }
+    }
+
+    /// Whether a grain rests at this velocity and speed of its surface, m/s: contacts take all that forces bring in the
+    /// sub-step but a small share ([`Settings::rest`](crate::Settings::rest)). No velocity at all obeys the laws of the contacts
+    /// then, with the same impulses; only that share of the forces is not balanced.
+    pub fn rests(&self, i: usize, velocity: &Vector<D>, surface: f64) -> bool {
+        let free = self.free_velocity(i);
+        let brought = (free - self.particles.velocity[i]).norm_squared();
+        let most = self.settings.rest().powi(2) * brought.min((velocity - free).norm_squared());
+        velocity.norm_squared() <= most && surface * surface <= most
+    }
+
+    /// Marks the bodies that contacts push and that do not rest. Returns the share that they have of the energy that forces
+    /// bring to all.
+    pub fn mark_moving(&self, grain_of: &[u32], bodies: &Bodies<D>, moving: &mut Vec<bool>) -> f64 {
+        moving.resize(grain_of.len(), false);
+        parallel::each_chunk(moving, &|first, marks| {
+            for (slot, mark) in (first..).zip(marks) {
+                let (i, v) = (grain_of[slot] as usize, bodies.velocity(slot));
+                let surface = if bodies.spins() { bodies.surface(slot) } else { 0.0 };
+                let pushed = bodies.mobility(slot) > 0.0 && v != self.free_velocity(i);
+                *mark = pushed && !self.rests(i, &v, surface);
+            }
+        });
+        if !moving.contains(&true) {
+            return 0.0;
+        }
+        let brought = |slot: usize| {
+            let (i, mobility) = (grain_of[slot] as usize, bodies.mobility(slot));
+            let by_forces = self.free_velocity(i) - self.particles.velocity[i];
+            if mobility > 0.0 { by_forces.norm_squared() / mobility } else { 0.0 }
+        };
+        let all = 0..grain_of.len();
+        parallel::sum(all.clone(), &|slot| if moving[slot] { brought(slot) } else { 0.0 })
+            / parallel::sum(all, &brought)
+    }
+
     /// A, W/K.
     fn transfer(&self, i: usize) -> f64 {
         self.load.transfer.get(i).copied().unwrap_or(0.0)

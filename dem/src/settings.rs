@@ -3,6 +3,7 @@
 use crate::dem::Partner;
 use crate::error::{Error, Result, check};
 use crate::heat::Conduction;
+use crate::solver::REST;
 use crate::space::Vector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,7 +40,8 @@ pub struct Settings<const D: usize> {
     /// Share of the kinetic energy of what a sub-step changes of the velocities which that of their error may have, for
     /// the contacts to count as solved. Where grains rest and velocities hardly change, it is the share of 0.5 % of the
     /// energy that the forces of the step bring and contacts take; a few sweeps more then go on towards 1e-7 of that,
-    /// because errors would let the grains creep.
+    /// because errors would let the grains creep. A grain whose contacts take all that forces bring but a share of
+    /// [`Self::rest`] stays where it is.
     pub tolerance: f64,
     /// Sweeps per sub-step at most; a step that needs more is reported as not converged.
     pub max_sweeps: usize,
@@ -79,7 +81,17 @@ impl<const D: usize> Default for Settings<D> {
     }
 }
 
+/// Share of the energy that the error may have at rest, below which a velocity counts as zero.
+const RESTS: f64 = 1e-2;
+
 impl<const D: usize> Settings<D> {
+    /// Share of the velocity that forces bring to a grain in a sub-step and contacts take of it, below which what is left counts
+    /// as zero: the grain rests. It moves again once more than this share of the forces on it is not balanced: 1e-3 with the
+    /// default tolerance. A bed at rest would creep with the error of its contacts for ever otherwise.
+    pub fn rest(&self) -> f64 {
+        (RESTS * self.tolerance * REST).sqrt()
+    }
+
     pub(crate) fn validate(&self) -> Result<()> {
         self.gravity
             .iter()

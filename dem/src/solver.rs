@@ -32,6 +32,7 @@ use crate::momentum::Momentum;
 use crate::space::Vector;
 use awake::Awake;
 use runs::Measure;
+pub(crate) use runs::REST;
 pub(crate) use tiles::Tiles;
 use tiles::{FORK_CONTACTS, NOTHING, Sums, add, over_colours, over_tiles};
 
@@ -60,6 +61,8 @@ pub(crate) struct Problem<const D: usize> {
     bounds: Vec<f64>,
     awake: Awake<D>,
     trend: Trend<D>,
+    /// The grains that contacts push and that do not rest, when the problem was near its solution last.
+    pub moving: Vec<bool>,
     /// Impulses before the last correction over long distances.
     uncorrected: Vec<Vector<D>>,
     coarse: Coarse<D>,
@@ -73,6 +76,8 @@ pub(crate) struct Stopping {
     pub max_sweeps: usize,
     /// Sweeps at most that go on after that, towards velocities that settle.
     pub settling_sweeps: usize,
+    /// Share of what forces bring below which a velocity counts as zero.
+    pub rest: f64,
     /// Runs of sweeps before corrections over long distances begin: what is solved until then has nothing to gain.
     /// None: there are no corrections.
     pub short_runs: Option<usize>,
@@ -101,6 +106,8 @@ pub(crate) struct Grains<'a, const D: usize> {
     pub pushed: &'a dyn Fn(&Bodies<D>) -> f64,
     /// Energy of the changes of the velocities that contacts take part in since the start of the sub-step, J.
     pub changed: &'a dyn Fn(&Bodies<D>) -> f64,
+    /// Marks the grains that contacts push and that do not rest; their share of the energy that forces bring.
+    pub moving: &'a dyn Fn(&Bodies<D>, &mut Vec<bool>) -> f64,
 }
 
 /// What problems lack in which grains would pass into each other, beyond any error of energies.
@@ -122,6 +129,8 @@ pub(crate) struct Outcome {
     smooth: f64,
     goal: f64,
     settles: f64,
+    /// Whether nearly all grains rest.
+    rest: bool,
     /// Relative natural map.
     pub residual: f64,
     /// Fastest closing of a contact beyond its gap, over what is allowed.
@@ -280,10 +289,7 @@ impl<const D: usize> Problem<D> {
         over_colours(tiles, &mut self.contacts, &mut self.awake.last, fork, tile)
     }
 
-    /// What the natural map r of the present impulses and velocities says.
-    ///
-    /// rho = 1/w_n between equals, half of the heavier mass otherwise: with 1/w_n, near the lighter mass, a heavy lid
-    /// that falls freely on light grains would look solved. r / rho is the speed by which a contact is violated.
+    /// What the natural map r of the present impulses and velocities says; r / rho is the speed by which a contact is violated.
     fn look<L: Law>(&mut self) -> Look {
         let (bodies, cohesion, radius) = (&self.bodies, &self.cohesion, &self.radius);
         let count = self.tiles.len();
@@ -295,8 +301,7 @@ impl<const D: usize> Problem<D> {
             for (k, c) in contacts.iter().enumerate() {
                 let u = relative::<L, D>(bodies, c);
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
-                let rho = c.mass_n.max(0.5 * bodies.heavier(c.i as usize, c.j as usize));
-                let [square, size] = c.natural_map::<L>(&u, rho, cohesion);
+                let (rho, [square, size]) = natural_map::<L, D>(bodies, c, &u, cohesion);
                 let (r, p) = (square.sqrt(), size.sqrt());
                 let energies = [0.5 * square / rho, r / rho * (r + p), 0.5 * size / rho];
                 let turned = 0.5 * p / (rho * smaller(radius, c));
@@ -394,6 +399,21 @@ impl<const D: usize> Problem<D> {
         };
         over_colours(&self.tiles, &mut self.contacts, &mut [], FORK_CONTACTS, tile);
     }
+}
+
+/// Rho, kg, and the squares of the natural map and of the impulse with it.
+///
+/// rho = 1/w_n between equals, half of the heavier mass otherwise: with 1/w_n, near the lighter mass, a heavy lid that falls
+/// freely on light grains would look solved.
+#[inline(always)]
+fn natural_map<L: Law, const D: usize>(
+    bodies: &Bodies<D>,
+    c: &Contact<D>,
+    u: &Vector<D>,
+    cohesion: f64,
+) -> (f64, [f64; 2]) {
+    let rho = c.mass_n.max(0.5 * bodies.heavier(c.i as usize, c.j as usize));
+    (rho, c.natural_map::<L>(u, rho, cohesion))
 }
 
 /// The smaller radius of a contact, m; walls have none.

@@ -3,6 +3,7 @@
 
 mod grains_heat;
 mod grains_identity;
+mod grains_rest;
 
 use approx::assert_relative_eq;
 use voidage_dem::{Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};

@@ -287,8 +287,10 @@ pub struct Rotation {
 #[serde(deny_unknown_fields, default)]
 pub struct Contacts {
     /// Energy that the error of the velocities may have, as a share of the energy of what a sub-step changes of them. At
-    /// rest, where little changes, it is a share of 0.5 % of the energy that the forces of a step bring. Above
-    /// 0, at most 0.1: with more, unsolved contacts would count as solved. Default 0.02.
+    /// rest, where little changes, it is a share of 0.5 % of the energy that the forces of a step bring. A grain whose contacts
+    /// take all that forces bring but a hundredth of that energy rests: it stays where it is. Above 0, at most 0.1: with more,
+    /// unsolved contacts would count as solved. Default 0.02, with which a grain rests at 1e-3 of the speed that forces give in a
+    /// step.
     pub tolerance: f64,
     /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
     pub max_sweeps: usize,

@@ -62,6 +62,7 @@ impl<const D: usize> Dem<D> {
             tolerance: self.settings.tolerance,
             max_sweeps: self.settings.max_sweeps,
             settling_sweeps: SETTLING_SWEEPS,
+            rest: self.settings.rest(),
             // Between masses far apart impulses do not vary slowly in space.
             short_runs: (accelerated && !self.settings.interior).then_some(SHORT_RUNS),
             momentum: accelerated,
@@ -88,7 +89,8 @@ impl<const D: usize> Dem<D> {
         let free = |bodies: &Bodies<D>| scene.set_free(grain_of, bodies);
         let pushed = |bodies: &Bodies<D>| scene.pushed(grain_of, bodies);
         let changed = |bodies: &Bodies<D>| scene.changed(grain_of, bodies);
-        problem.solve(stopping, &Grains { free: &free, pushed: &pushed, changed: &changed })
+        let moving = |bodies: &Bodies<D>, marks: &mut Vec<bool>| scene.mark_moving(grain_of, bodies, marks);
+        problem.solve(stopping, &Grains { free: &free, pushed: &pushed, changed: &changed, moving: &moving })
     }
 
     /// Energy of the velocities that forces give in `h` seconds, J.

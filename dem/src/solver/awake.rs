@@ -4,10 +4,13 @@
 //! moves is there work. A tile wakes when a look finds more in it than its part of what may be left, and its sweeps wake those
 //! around it. It stays awake until momentum starts anew: what momentum remembers of a body holds for all of its contacts.
 
-use super::Problem;
+use super::runs::FEW_MOVE;
 use super::tiles::FORK_CONTACTS;
-use crate::bodies::Shared;
+use super::{Problem, natural_map, relative};
+use crate::bodies::{Bodies, Shared};
+use crate::contact::Law;
 use crate::momentum::Momentum;
+use crate::parallel;
 use crate::space::Vector;
 use rayon::prelude::*;
 
@@ -16,6 +19,9 @@ const QUIET: f64 = 0.01;
 /// Share of the speed of closing that no contact may exceed, up to which a tile sleeps: light grains among heavy ones have little
 /// part in the energy, and would pass into each other over many steps.
 const CLOSES: f64 = 0.05;
+
+/// Tiles from one that moves to one that may rest.
+const REACH: usize = 2;
 
 /// Tiles that are swept, and what momentum remembers.
 #[derive(Default)]
@@ -77,6 +83,78 @@ impl<const D: usize> Problem<D> {
         }
     }
 
+    /// Marks the grains that contacts push and that do not rest; `mark` tells those by their own velocities. Who touches a wall
+    /// that moves does not rest. Returns the share that they have of the energy that forces bring.
+    pub(super) fn mark_moving(&mut self, mark: impl Fn(&Bodies<D>, &mut Vec<bool>) -> f64) -> f64 {
+        let share = mark(&self.bodies, &mut self.moving);
+        let grains = self.position.len();
+        let carries = |i: u32| i as usize >= grains && self.bodies.velocity(i as usize).norm_squared() > 0.0;
+        if !(grains..self.bodies.len()).any(|i| carries(i as u32)) {
+            return share;
+        }
+        let touch = self.contacts.iter().filter(|c| c.acts() && (carries(c.i) || carries(c.j)));
+        touch.for_each(|c| self.moving[c.i.min(c.j) as usize] = true);
+        share.max(f64::MIN_POSITIVE)
+    }
+
+    /// Marks these grains and those near them, all if there are many.
+    pub(crate) fn mark_near_moving(&mut self, mark: impl Fn(&Bodies<D>, &mut Vec<bool>) -> f64) {
+        let share = self.mark_moving(mark);
+        if share > FEW_MOVE {
+            self.moving.fill(true);
+            return;
+        }
+        for _ in 0..if share > 0.0 { REACH } else { 0 } {
+            let mut tiles = std::mem::take(&mut self.awake.tiles);
+            tiles.clear();
+            tiles.extend((0..self.tiles.len()).map(|tile| self.moves_in(tile)));
+            self.awake.tiles = tiles;
+            for tile in (0..self.tiles.len()).filter(|tile| self.awake.tiles[*tile]) {
+                for c in self.contacts[self.tiles.contacts(tile)].iter().filter(|c| c.acts()) {
+                    for i in [c.i, c.j] {
+                        if let Some(moves) = self.moving.get_mut(i as usize) {
+                            *moves = true;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Wakes the tiles in which a contact acts on a grain that does not rest.
+    pub(super) fn wake_moving(&mut self) {
+        for tile in 0..self.tiles.len() {
+            if !self.awake.tiles[tile] && self.moves_in(tile) {
+                self.wake_tile(tile);
+            }
+        }
+    }
+
+    /// Energy that solving the contacts of moving grains one by one would take away, J.
+    pub(super) fn rough_of_moving<L: Law>(&self) -> f64 {
+        parallel::sum(0..self.contacts.len(), &|k| {
+            let c = &self.contacts[k];
+            if !self.moves(c.i) && !self.moves(c.j) {
+                return 0.0;
+            }
+            let cohesion = if L::COHESION { self.cohesion[k] } else { 0.0 };
+            let (rho, [square, _]) =
+                natural_map::<L, D>(&self.bodies, c, &relative::<L, D>(&self.bodies, c), cohesion);
+            0.5 * square / rho
+        })
+    }
+
+    fn moves(&self, body: u32) -> bool {
+        self.moving.get(body as usize).is_some_and(|moves| *moves)
+    }
+
+    /// Whether a contact of a tile acts on a grain that is marked as moving.
+    fn moves_in(&self, tile: usize) -> bool {
+        self.contacts[self.tiles.contacts(tile)]
+            .iter()
+            .any(|c| c.acts() && (self.moves(c.i) || self.moves(c.j)))
+    }
+
     pub(super) fn wake_all(&mut self) {
         for tile in 0..self.tiles.len() {
             if !self.awake.tiles[tile] {
@@ -130,12 +208,7 @@ impl<const D: usize> Problem<D> {
 
 /// Takes the velocity of a body as its last one, if that is remembered.
 #[inline(always)]
-fn remember<const D: usize>(
-    bodies: &crate::bodies::Bodies<D>,
-    i: usize,
-    velocity: &[[Shared; D]],
-    surface: &[Shared],
-) {
+fn remember<const D: usize>(bodies: &Bodies<D>, i: usize, velocity: &[[Shared; D]], surface: &[Shared]) {
     if let Some(last) = velocity.get(i) {
         let v = bodies.velocity(i);
         (0..D).for_each(|a| last[a].set(v[a]));

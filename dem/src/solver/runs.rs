@@ -14,6 +14,11 @@
 //! (2 rho). In random beds the shape of the impulses must change too, and neither sees that; how sweeps still change the
 //! velocities does ([`Trend`](super::trend::Trend)). The sum of the three is the estimate.
 //!
+//! **Rest.** Where contacts take all that forces bring to the grains but a small share, no velocity at all obeys the laws of the
+//! contacts with the same impulses: only that share of the forces is not balanced. Such grains stop, and the problem of the next
+//! step is the same: its impulses solve it without a sweep. What is left of the velocities is taken only where hardly anything
+//! moves; where much does, it is what tells the next step how the impulses must change.
+//!
 //! Corrections also take what sweeps have changed of the impulses times such factors. As a measure these would claim errors
 //! that are none: where friction or cohesion are at their limits they lead out of the law.
 
@@ -37,7 +42,7 @@ const MEASURE: usize = 6;
 
 /// Share of the energy that the contacts have to do with below which changes of the velocities count as rest: what
 /// forces give to grains at rest is taken back by contacts nearly in whole.
-const REST: f64 = 5e-3;
+pub(crate) const REST: f64 = 5e-3;
 /// The same up to which the solver, once it has solved a problem, goes on for the grains that rest, and the share of what may be
 /// left that it then tries to reach. At rest an error of the velocities turns the contacts, and the forces on them are the
 /// larger the deeper they lie: it comes back in the next sub-step P h^2 / (m d) times as large under the load P, which is 20
@@ -63,6 +68,9 @@ const SEEN: f64 = 0.5;
 const GROWING: f64 = 1e-2;
 /// Error above which the changes of the impulses belong to the measure and the corrections.
 const NEAR: f64 = 1e-6;
+
+/// Share of the energy of all that grains may have which move where the others rest.
+pub(super) const FEW_MOVE: f64 = 0.02;
 
 /// When what is smooth of an error is measured.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -156,7 +164,7 @@ impl<const D: usize> Problem<D> {
             if outcome.solved(stopping) {
                 let (sweeps, error) = *solved.get_or_insert((outcome.sweeps, outcome.error));
                 let enough = outcome.sweeps >= sweeps + stopping.settling_sweeps;
-                let smooth = outcome.error > SMOOTH * error;
+                let smooth = !outcome.rest && outcome.error > SMOOTH * error;
                 if outcome.settled(stopping) || enough && !(corrections.allowed && smooth) {
                     break;
                 }
@@ -187,7 +195,9 @@ impl<const D: usize> Problem<D> {
                     corrections.wait(run);
                 }
             }
-            if outcome.smooth > outcome.goal && !corrections.made {
+            if solved.is_some() && outcome.rest {
+                self.wake_moving();
+            } else if outcome.smooth > outcome.goal && !corrections.made {
                 self.wake_all();
             } else {
                 self.wake(outcome.goal, stopping.closing);
@@ -282,7 +292,11 @@ impl<const D: usize> Problem<D> {
         let grows = stopping.whole || look.comes_back * stopping.step * stopping.step > GROWS;
         let settled = if changed <= FEW && grows { SETTLED * enough } else { enough };
         let (seen, mut smooth, mut work) = (look.rough + trend, 0.0, self.contacts.len());
+        let near = look.rough <= enough && look.closing <= stopping.closing && stopping.rest > 0.0;
+        let moving = if near { self.mark_moving(grains.moving) } else { 1.0 };
+        let rest = moving <= FEW_MOVE;
         let measured = match measure {
+            _ if rest => false,
             Measure::Always => true,
             Measure::IfSolved => seen <= enough && most > settled,
             Measure::IfSettled => look.rough <= settled && most > settled,
@@ -293,7 +307,14 @@ impl<const D: usize> Problem<D> {
             self.coarse = coarse;
             work += MEASURE * self.contacts.len();
         }
-        let energy = if measured || seen > enough { seen + smooth } else { seen.max(most) };
+        let energy = match rest {
+            true => seen + stopping.rest.powi(2) * scale,
+            false if measured || seen > enough => seen + smooth,
+            false => seen.max(most),
+        };
+        // What moves is settled when nothing varies from grain to grain there.
+        let quiet = rest && trend + if moving > 0.0 { self.rough_of_moving::<L>() } else { 0.0 } <= settled;
+        let settled = if quiet { energy } else { settled };
         let error = match !energy.is_nan() && (look.rough + look.bound + scale).is_finite() {
             true if energy <= stopping.negligible.max(look.rounding) => 0.0,
             true => energy / scale,
@@ -303,7 +324,19 @@ impl<const D: usize> Problem<D> {
         let closing = look.closing / stopping.closing;
         let goal = if energy > enough { enough } else { settled };
         let residual = look.residual;
-        Outcome { error, energy, changed, smooth, goal, settles: settled, residual, closing, work, sweeps: 0 }
+        Outcome {
+            error,
+            energy,
+            changed,
+            smooth,
+            goal,
+            settles: settled,
+            residual,
+            closing,
+            work,
+            rest,
+            sweeps: 0,
+        }
     }
 }
 
