@@ -59,6 +59,18 @@ impl<const D: usize> Memory<D> {
         (Vector::zeros(), 0.0)
     }
 
+    /// All contacts by the numbers of their grains.
+    pub fn records(&self) -> impl Iterator<Item = Record<D>> + '_ {
+        self.starts.windows(2).zip(0..).flat_map(move |(ends, i)| {
+            (ends[0] as usize..ends[1] as usize).map(move |k| Record {
+                i,
+                j: self.partner[k],
+                impulse: self.impulse[k],
+                age: self.age.get(k).copied().unwrap_or(0.0),
+            })
+        })
+    }
+
     /// Keeps the contacts between grains that are marked, by their new numbers.
     pub fn retain(&mut self, keep: &[bool]) {
         let mut next = 0;
@@ -71,14 +83,10 @@ impl<const D: usize> Memory<D> {
             })
             .collect();
         let mut records = Vec::new();
-        for (owner, ends) in self.starts.windows(2).enumerate() {
-            for k in ends[0] as usize..ends[1] as usize {
-                let partner = self.partner[k];
-                let other = if partner & WALL != 0 { Some(partner) } else { number[partner as usize] };
-                if let (Some(i), Some(j)) = (number[owner], other) {
-                    let age = self.age.get(k).copied().unwrap_or(0.0);
-                    records.push(Record { i, j, impulse: self.impulse[k], age });
-                }
+        for r in self.records() {
+            let other = if r.j & WALL != 0 { Some(r.j) } else { number[r.j as usize] };
+            if let (Some(i), Some(j)) = (number[r.i as usize], other) {
+                records.push(Record { i, j, ..r });
             }
         }
         let (h, aged) = (self.h, !self.age.is_empty());

@@ -143,6 +143,8 @@ impl<const D: usize> Problem<D> {
         let mut outcome = Outcome::default();
         // Sweeps and error when the problem was solved first.
         let mut solved = None;
+        // A solved problem before it is corrected.
+        let mut kept: Option<Outcome> = None;
         for run in 0.. {
             let count = RUNS[run.min(RUNS.len() - 1)].min(stopping.max_sweeps - outcome.sweeps);
             let due = corrections.due(run);
@@ -170,6 +172,12 @@ impl<const D: usize> Problem<D> {
                 }
                 correct = enough;
             } else if solved.take().is_some() {
+                if let Some(before) = kept {
+                    // What was solved before the correction stays so.
+                    self.take_back(grains);
+                    outcome = Outcome { sweeps: outcome.sweeps, work: outcome.work, ..before };
+                    break;
+                }
                 // From a cold start impulses may grow for a while before their error is seen.
                 corrections.allowed = !corrections.diverged && stopping.short_runs.is_some();
             }
@@ -187,6 +195,7 @@ impl<const D: usize> Problem<D> {
             } else if correct {
                 // A solved problem is corrected once.
                 corrections.allowed = solved.is_none();
+                kept = solved.map(|_| outcome);
                 if self.correct::<L>(grains, outcome.energy) {
                     (corrections.before, corrections.made) = (outcome.error, true);
                     pace = self.sleep(stopping.momentum);
