@@ -21,6 +21,11 @@
 //! | semi-smooth Newton with a stiff penalty | a few steps | line search takes steps of 0.01 |
 //! | interior points with a sparse Cholesky factor | 14 factors for 100 rows | more than 45 factors of a second each |
 //!
+//! **Sub-steps** are those of all grains, although often only some grains fly. Tried in a bed of 97,000 discs of which a few
+//! hundred fly: one step of all, and sub-steps only within four contacts of those that fly. The one step costs more than the
+//! four sub-steps do (350 to 1,000 sweeps, where four times 40 to 70 suffice), because what a bed in motion changes of its
+//! contacts grows with the square of the step.
+//!
 //! All sums run over one binary tree of tiles that depends on their number only, and tiles of one colour share no grain:
 //! the result is the same bit for bit on any number of threads, and without threads.
 
