@@ -51,8 +51,14 @@ fn what_is_unusual_is_said_with_key_and_reason() {
         ("fluid.density=1.2e-3", ["`fluid.density`", "air has 1.2"]),
         ("fluid.viscosity=2e-8", ["`fluid.viscosity`", "air has 1.8e-5"]),
         ("time.step=0.02", ["`time.step`", "diameters in a step"]),
-        ("fluid.boundaries.inflow.flow.superficial_velocity=[0.8, 0.0]", ["`fluid.boundaries[1].flow`", "along \"inflow\""]),
-        ("fluid.boundaries.inflow.flow.superficial_velocity=[0.0, -0.8]", ["`fluid.boundaries[1].flow`", "out of the mesh"]),
+        (
+            "fluid.boundaries.inflow.flow.superficial_velocity=[0.8, 0.0]",
+            ["`fluid.boundaries[1].flow`", "along \"inflow\""],
+        ),
+        (
+            "fluid.boundaries.inflow.flow.superficial_velocity=[0.0, -0.8]",
+            ["`fluid.boundaries[1].flow`", "out of the mesh"],
+        ),
         ("fluid.boundaries.inflow.flow.superficial_velocity=[0.0, 8.0]", ["`fluid.boundaries`", "blown out"]),
         ("grains[0].temperature=90.0", ["`grains[0].temperature`", "kelvin"]),
         ("grains[0].solidity=1.0", ["`grains[0].solidity`", "0.8165"]),
@@ -63,11 +69,20 @@ fn what_is_unusual_is_said_with_key_and_reason() {
         let (_, unusual) = printed.split_once("unusual: right, if you mean it").unwrap_or(("", ""));
         assert!(says.iter().all(|part| unusual.contains(part)), "{set}: {says:?} is not in\n{printed}");
     }
-    let bare = BED.replace("name = \"left\"\nfrom = [0.0, 0.0]\nto = [0.0, 0.03]", "name = \"left\"\nfrom = [0.0, 0.0]\nto = [0.0, 0.001]");
-    let bare = bare.replace("name = \"right\"\nfrom = [0.01, 0.0]\nto = [0.01, 0.03]", "name = \"right\"\nfrom = [0.01, 0.0]\nto = [0.01, 0.001]");
+    let bare = BED.replace(
+        "name = \"left\"\nfrom = [0.0, 0.0]\nto = [0.0, 0.03]",
+        "name = \"left\"\nfrom = [0.0, 0.0]\nto = [0.0, 0.001]",
+    );
+    let bare = bare.replace(
+        "name = \"right\"\nfrom = [0.01, 0.0]\nto = [0.01, 0.03]",
+        "name = \"right\"\nfrom = [0.01, 0.0]\nto = [0.01, 0.001]",
+    );
     assert_ne!(bare, BED);
     let (_, printed, _) = check(folder(&bare).path(), &[]);
-    assert!(printed.contains("no wall of the grains stands along") && printed.contains("along = \"walls\""), "{printed}");
+    assert!(
+        printed.contains("no wall of the grains stands along") && printed.contains("along = \"walls\""),
+        "{printed}"
+    );
 }
 
 #[test]

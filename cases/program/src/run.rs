@@ -186,9 +186,8 @@ fn continued(
 }
 
 /// The step that ends a run with `--until`.
-fn until(scene: &Scene, options: &Options, from: u64) -> Result<Option<u64>> {
+fn until(scene: &Scene, options: &Options, start: f64) -> Result<Option<u64>> {
     let Some(time) = options.until else { return Ok(None) };
-    let start = from as f64 * scene.time.step;
     if time > start && time <= scene.time.end {
         return Ok(Some((time / scene.time.step * (1.0 - 1e-12)).ceil() as u64));
     }
@@ -216,8 +215,10 @@ impl Run {
         let host = host(folder.join("solver.log"));
         let mut changes = vec![];
         let mut beds = vec![];
+        let until_step;
         let (simulation, recording) = match &options.restart {
             None => {
+                until_step = until(scene, options, 0.0)?;
                 let earlier = if options.overwrite { Earlier::Overwrite } else { Earlier::Keep };
                 let output = OutputFolder::take(&folder, earlier)?;
                 let mut placing = placing::watched(Some(&folder), ending.flag(), options.quiet);
@@ -232,6 +233,7 @@ impl Run {
             Some(file) => {
                 let checkpoint = Checkpoint::open(file)?;
                 changes = scene.changes_since(&checkpoint)?;
+                until_step = until(scene, options, checkpoint.stamp.time)?;
                 let (output, same) = continued(&folder, file, &checkpoint, &changes, options.overwrite)?;
                 let mut simulation = Simulation::restarted(scene, &host, &checkpoint)?;
                 if simulation.steps() >= scene.time.steps() {
@@ -250,7 +252,6 @@ impl Run {
                 (simulation, recording)
             }
         };
-        let until = until(scene, options, simulation.steps())?;
         let view = simulation.view();
         let summary = Summary {
             grains: view.grains.map_or(0, |grains| grains.position.len()),
@@ -282,7 +283,7 @@ impl Run {
             stamp,
             summary,
             last: scene.time.steps(),
-            until,
+            until: until_step,
             watch: Watch::new(scene.stop.as_ref()),
             ending,
             autosave,
