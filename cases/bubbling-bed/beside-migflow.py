@@ -95,7 +95,7 @@ def voidage(work: Path, warm: int, steps: int, first: bool) -> dict[str, float]:
 
     warmed = work / "warm.voidage"
     if first:
-        run(warm)
+        run(warm, "--overwrite")
         shutil.copy(out / "checkpoint.voidage", warmed)
     run(steps, "--restart", str(warmed))
     summary = json.loads((out / "summary.json").read_text())

@@ -44,6 +44,8 @@ def build() -> Path:
 
 def run(program: Path, given: argparse.Namespace, out: Path, end: float, *more: str) -> dict:
     command = [program, "run", given.scene, "--quiet", "--out", out, "--threads", str(given.threads), *more]
+    if "--restart" not in more:
+        command.append("--overwrite")
     for change in [f"time.end={end!r}", *QUIET]:
         command += ["--set", change]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)

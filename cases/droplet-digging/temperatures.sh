@@ -21,7 +21,7 @@ for celsius in "${temperatures[@]}"; do
     folder=$out/${celsius}C
     folders+=("$folder")
     grep -qs '"outcome": "done"' "$folder/summary.json" && continue
-    from=()
+    from=(--overwrite)
     [ -f "$folder/checkpoint.voidage" ] && from=(--restart "$folder/checkpoint.voidage")
     "$voidage" run "$scene" --out "$folder" "${from[@]}" "$@" \
         --set "grains[0].temperature=$kelvin" \

@@ -29,7 +29,7 @@ to = [4e-3, 0.0]
 /// Runs a scene, and returns what it says.
 fn run(folder: &Path, scene: &str, options: &[&str]) -> String {
     fs::write(folder.join("scene.toml"), scene).unwrap();
-    let arguments = [&["run", "scene.toml", "--out", "out"], options].concat();
+    let arguments = [&["run", "scene.toml", "--out", "out", "--overwrite"], options].concat();
     let output = Command::new(env!("CARGO_BIN_EXE_voidage")).current_dir(folder).args(arguments).unwrap();
     String::from_utf8(output.stderr).unwrap()
 }

@@ -236,7 +236,7 @@ fn a_killed_run_takes_its_solver_with_it_and_nothing_stays_after_the_next_start(
         signal("-KILL", run_process.id());
         signal("-KILL", solver);
         end(run_process);
-        run(folder.path(), "next", &["--fluid", "serve", "--set", "time.end=0.001"]);
+        run(folder.path(), &format!("{transport}-next"), &["--fluid", "serve", "--set", "time.end=0.001"]);
         // Some of this may be of tests beside this one, which end as well.
         until("something stays in shared memory", || {
             let now = in_shared_memory();

@@ -24,6 +24,15 @@ fn run(folder: &Path, out: &str, options: &[&str]) -> PathBuf {
     folder.join(out)
 }
 
+/// Runs the program, which must refuse its input, and returns what it says.
+fn refused(folder: &Path, out: &str, options: &[&str]) -> String {
+    let arguments = [&["run", "scene.toml", "--quiet", "--out", out], options].concat();
+    let output = voidage().current_dir(folder).args(arguments).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    said
+}
+
 fn json(path: &Path) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
 }
@@ -108,24 +117,14 @@ fn a_restarted_run_equals_the_straight_one_bit_for_bit() {
         let [a, b] = [&straight, &stopped].map(|out| fs::read(out.join("frames").join(name)).unwrap());
         assert_eq!(a, b, "{name}");
     }
-    // Another scene refuses the checkpoint.
-    let other = [
-        "run",
-        "scene.toml",
-        "--out",
-        "other",
-        "--set",
-        "fluid.density=1.3",
-        "--restart",
-        "straight/checkpoint.voidage",
-    ];
-    let output = voidage().current_dir(folder.path()).args(other).output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2));
-    assert!(
-        said.contains("checkpoint of another scene") && said.contains("straight/checkpoint.voidage"),
-        "{said}"
-    );
+    // Another mesh refuses the checkpoint.
+    let from = ["--restart", "straight/checkpoint.voidage"];
+    let mesh = ["--set", "fluid.mesh.rectangle.size=1e-3"];
+    let said = refused(folder.path(), "other", &[&mesh[..], &from].concat());
+    assert!(said.contains("a run cannot go on with that") && said.contains("fluid.mesh"), "{said}");
+    // Nothing is left to do.
+    let said = refused(folder.path(), "straight", &from);
+    assert!(said.contains("is at t = 0.04 s, and time.end = 0.04 s"), "{said}");
 }
 
 #[test]

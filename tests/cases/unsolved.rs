@@ -94,7 +94,7 @@ fn stops(folder: &Path, options: &[&str]) -> String {
     let frames = fs::read_to_string(folder.join("out/grains.pvd")).unwrap();
     assert!(frames.contains(&format!("grains-{steps:08}.vtp")), "no frame of step {steps} in {frames}");
     let picture = format!("snapshot-{:.3}s.png", steps as f64 * 1e-3);
-    for name in ["checkpoint.voidage", &picture] {
+    for name in ["failed.voidage", &picture] {
         assert!(folder.join("out").join(name).exists(), "no {name}: {said}");
     }
     assert_eq!(column(folder, "time_s").len() as u64, steps + 1);
@@ -108,7 +108,7 @@ fn discs_under_a_lid_that_comes_down_stop_the_run() {
     let said = stops(folder.path(), &[]);
     assert!(said.contains("largest penetration"), "{said}");
     // A higher limit goes on from there.
-    let more = ["--set", "contacts.max_penetration=1.0", "--restart", "out/checkpoint.voidage"];
+    let more = ["--set", "contacts.max_penetration=1.0", "--restart", "out/failed.voidage"];
     let before = summary(folder.path())["steps"].as_u64().unwrap();
     run(folder.path(), &more);
     assert!(summary(folder.path())["steps"].as_u64().unwrap() > before);

@@ -22,7 +22,7 @@ pub fn start_threads(asked: Option<usize>) -> Result<usize> {
     Ok(rayon::current_num_threads())
 }
 
-/// A flag that Ctrl-C sets; a second one ends the program at once.
+/// A flag that Ctrl-C sets, which says so; a second one ends the program at once.
 pub fn catch_interrupts() -> Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     let set = flag.clone();
@@ -30,6 +30,7 @@ pub fn catch_interrupts() -> Result<Arc<AtomicBool>> {
         if set.swap(true, Ordering::Relaxed) {
             std::process::exit(130); // asked twice: at once
         }
+        tracing::warn!("interrupted: ending; Ctrl-C again ends at once, and loses what is not written yet");
     };
     ctrlc::set_handler(handler).map_err(|error| Error::run(format!("cannot catch Ctrl-C: {error}")))?;
     Ok(flag)

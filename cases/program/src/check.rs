@@ -1,17 +1,22 @@
-//! `voidage check`: what a scene has, and how large it is.
+//! `voidage check`: all of a run but its steps; what a scene has, how large it is, and what is unusual about it.
 
+use crate::ending::Ending;
+use crate::sizes::{Sizes, closed_inflow};
+use crate::{placing, run};
 use std::path::Path;
+use voidage_campaign::process::catch_interrupts;
 use voidage_coupling::Result;
-use voidage_fluid::Mesh;
-use voidage_scene::{Amount, MeshSource, Placement, Scene};
+use voidage_remote::launch::Host;
+use voidage_scene::{Amount, MeshSource, Placement, Scene, Simulation};
 
-/// Checks a scene and prints its parts.
+/// Checks a scene, builds what it describes, and prints its parts and sizes.
 pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     let scene = Scene::read(file, sets)?;
+    let simulation = build(&scene)?;
     println!("{}: good\n{}", file.display(), scene.title);
     line("steps", format!("{} of {} s to {} s", scene.time.steps(), scene.time.step, scene.time.end));
     grains(&scene);
-    fluid(&scene)?;
+    fluid(&scene);
     part("droplet", scene.droplet.as_ref(), |droplet| {
         let held = if droplet.held { ", held" } else { "" };
         format!("the hole \"{}\" at {} K{held}", droplet.boundary, droplet.temperature)
@@ -31,7 +36,39 @@ pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
         format!("{} to {} s on squares of {} m", average.from, average.to, average.cell)
     });
     line("hash", scene.hash()?);
+    let sizes = Sizes::of(&scene, &simulation);
+    println!("\nsizes");
+    sizes.lines.iter().for_each(|(name, text)| line(name, text));
+    if !sizes.unusual.is_empty() {
+        println!("\nunusual: right, if you mean it");
+        sizes.unusual.iter().for_each(|unusual| println!("  {unusual}"));
+    }
     Ok(0)
+}
+
+/// The scene at time zero. A fluid solver in another process is not started.
+fn build(scene: &Scene) -> Result<Simulation> {
+    let mut here = scene.clone();
+    here.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
+    let ending = Ending::watched(catch_interrupts()?);
+    let mut placing = placing::watched(None, ending.flag(), false);
+    let mut simulation = Simulation::placed(&here, &Host::default(), &mut placing)?;
+    simulation.refresh()?;
+    placing::tell(&placing.beds);
+    run::check_stop(scene, &simulation)?;
+    let mesh = simulation.coupled().fluid().map(|fluid| &fluid.mesh);
+    match mesh.and_then(|mesh| closed_inflow(scene, mesh)) {
+        None => Ok(simulation),
+        Some(rate) => {
+            let way = if rate > 0.0 { "into" } else { "out of" };
+            let what = format!("no boundary is open, and {} m2/s flow {way} the box", rate.abs());
+            Err(scene.error(
+                "fluid.boundaries",
+                what,
+                "give a boundary `flow = \"open\"`, or velocities that sum to nothing",
+            ))
+        }
+    }
 }
 
 fn grains(scene: &Scene) {
@@ -67,20 +104,13 @@ fn grains(scene: &Scene) {
     });
 }
 
-fn fluid(scene: &Scene) -> Result<()> {
+fn fluid(scene: &Scene) {
     let Some(fluid) = &scene.fluid else {
-        line("fluid", "off");
-        return Ok(());
+        return line("fluid", "off");
     };
     line("fluid", format!("density {} kg/m3, viscosity {} Pa s", fluid.density, fluid.viscosity));
-    match &fluid.mesh {
-        MeshSource::Rectangle(rectangle) => {
-            let mesh = Mesh::rectangle(rectangle).map_err(|error| {
-                scene.error("fluid.mesh.rectangle", error.to_string(), "change the rectangle")
-            })?;
-            line("  mesh", format!("{} nodes, {} triangles", mesh.points.len(), mesh.cell_count()));
-        }
-        MeshSource::File(file) => line("  mesh", file.display()),
+    if let MeshSource::File(file) = &fluid.mesh {
+        line("  mesh", file.display());
     }
     part("  mesh motion", fluid.mesh_motion.as_ref(), |motion| {
         let what = motion.boundary.as_deref().unwrap_or("inside");
@@ -89,8 +119,6 @@ fn fluid(scene: &Scene) -> Result<()> {
         });
         format!("{what} by {:?} m, {} times a second{remeshed}", motion.amplitude.0, motion.frequency)
     });
-    let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
-    line("  boundaries", names.join(", "));
     part("  heat", fluid.heat.as_ref(), |heat| match heat.expansion {
         0.0 => "on, without buoyancy".to_owned(),
         expansion => format!("on, with buoyancy ({expansion} 1/K)"),
@@ -99,7 +127,6 @@ fn fluid(scene: &Scene) -> Result<()> {
         format!("drag {} kg/m3/s{}", cell.drag, if cell.heat.is_some() { ", heat" } else { "" })
     });
     line("  solver", fluid.backend.clone().unwrap_or_default().solver.name());
-    Ok(())
 }
 
 fn line(what: &str, text: impl std::fmt::Display) {

@@ -5,12 +5,14 @@
 mod check;
 mod compare;
 mod doctor;
+mod ending;
 mod keys;
 mod new;
 mod placing;
 mod plot;
 mod report;
 mod run;
+mod sizes;
 
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
@@ -52,7 +54,8 @@ enum Command {
     /// One run of a study, for `study` itself.
     #[command(hide = true)]
     Measure,
-    /// Read a scene, check it, and say which parts are on and how large they are.
+    /// Do all of a run but its steps: read a scene, place its grains, make its mesh; say which parts are on, the sizes that tell a mistake,
+    /// and what is out of its usual range.
     Check {
         /// Scene file (TOML).
         scene: PathBuf,
@@ -99,7 +102,7 @@ fn end_quietly_where_nobody_reads() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         let text = panic.payload().downcast_ref::<String>().map_or("", String::as_str);
-        if text.starts_with("failed printing to stdout") && text.contains("Broken pipe") {
+        if text.starts_with("failed printing to std") && text.contains("Broken pipe") {
             std::process::exit(NOBODY_READS);
         }
         report(panic);

@@ -8,10 +8,10 @@ use voidage_campaign::progress::Progress;
 use voidage_dem::packing;
 use voidage_scene::placing::{Bed, Placing};
 
-/// Shows how far the grains are, ends when interrupted, and keeps beds in the folder of the run.
-pub fn watched<'a>(folder: &Path, interrupted: &'a AtomicBool, quiet: bool) -> Placing<'a> {
+/// Shows how far the grains are, ends when interrupted, and keeps beds in the folder of the run, if there is one.
+pub fn watched<'a>(folder: Option<&Path>, interrupted: &'a AtomicBool, quiet: bool) -> Placing<'a> {
     let mut shown: Option<(usize, bool, Progress)> = None;
-    Placing::new(Some(folder), move |group, progress| {
+    Placing::new(folder, move |group, progress| {
         if interrupted.load(Ordering::Relaxed) {
             return ControlFlow::Break(());
         }

@@ -1,22 +1,24 @@
 //! `voidage run`: the loop around the steps.
 
+use crate::ending::{Ending, Saved};
 use crate::placing;
 use crate::plot;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tracing::{info, warn};
 use voidage_campaign::process::{catch_interrupts, host, start_threads};
 use voidage_campaign::progress::{News, Progress, duration};
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Error, Result};
+use voidage_coupling::{Error, Notice, Result};
 use voidage_dem::Rounded;
 use voidage_scene::Simulation;
-use voidage_scene::recorder::{CHECKPOINT, Checkpoint, Recording, Stamp, Summary};
-use voidage_scene::{Scene, Solver};
+use voidage_scene::recorder::{
+    CHECKPOINT, Checkpoint, Earlier, OutputFolder, Recording, Stamp, Summary, readings,
+};
+use voidage_scene::{Change, Scene, Solver, Watch};
 
 /// Options of `voidage run`.
 #[derive(Args)]
@@ -29,9 +31,16 @@ pub struct Options {
     /// Change a key of the scene: `fluid.boundaries.inflow.flow.superficial_velocity=[0,1.2]` (may be repeated).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
-    /// Go on from a checkpoint of this scene.
+    /// Go on from a checkpoint of this scene. With other laws, boundary conditions or other keys that the run can go on with, into
+    /// another folder (--out).
     #[arg(long, value_name = "FILE")]
     restart: Option<PathBuf>,
+    /// Replace the results of an earlier run in the folder.
+    #[arg(long)]
+    overwrite: bool,
+    /// End at this time, s, with a checkpoint to go on from; `time.end` and what depends on it stay.
+    #[arg(long, value_name = "S")]
+    until: Option<f64>,
     /// Number of threads; results do not depend on it. Default: one per core.
     #[arg(long)]
     threads: Option<usize>,
@@ -81,9 +90,13 @@ fn schemes() -> PossibleValuesParser {
 pub fn run(options: &Options) -> Result<u8> {
     let scene = Scene::read(&options.scene, &sets(options)?)?;
     let threads = start_threads(options.threads)?;
-    let interrupted = catch_interrupts()?;
-    let mut run = Run::new(&scene, options, threads, &interrupted)?;
-    let outcome = run.steps(&interrupted, options.quiet);
+    let ending = Ending::watched(catch_interrupts()?);
+    let run = Run::new(&scene, options, threads, ending.clone());
+    if run.is_err() {
+        ending.claim();
+    }
+    let mut run = run?;
+    let outcome = run.steps(options.quiet);
     run.close(outcome)
 }
 
@@ -106,39 +119,136 @@ pub fn default_folder(scene: &Path) -> PathBuf {
     Path::new("out").join(name)
 }
 
+/// How the steps of a run ended.
+enum Ended {
+    /// At `time.end`.
+    Done,
+    /// At what the scene or an option stops it by, in words.
+    Stopped(String),
+    /// By an interrupt.
+    Interrupted,
+}
+
 /// A run in progress.
 struct Run {
     simulation: Simulation,
     recording: Recording,
     stamp: Stamp,
     summary: Summary,
+    /// The step of `time.end`, and the one that `--until` ends at.
     last: u64,
+    until: Option<u64>,
+    watch: Watch,
+    ending: Ending,
+    /// Checkpoints at times of the clock on the wall, for scenes that ask for none: when the last was written.
+    autosave: Option<Instant>,
     started: Instant,
     /// Wall time until the first step, s.
     setup_s: f64,
     output_s: f64,
 }
 
+/// Wall time between checkpoints where the scene does not say when to write them.
+const AUTOSAVE: Duration = Duration::from_secs(60);
+
+/// The folder of a run that goes on from a checkpoint, and whether it is that of the run that wrote it.
+fn continued(
+    folder: &Path,
+    file: &Path,
+    checkpoint: &Checkpoint,
+    changes: &[Change],
+    overwrite: bool,
+) -> Result<(OutputFolder, bool)> {
+    let absolute = |path: &Path| path.canonicalize().ok();
+    if overwrite && file.parent().and_then(absolute).is_some_and(|parent| Some(parent) == absolute(folder)) {
+        let what = format!("--overwrite would remove the run that {} is of", file.display());
+        return Err(Error::input(Notice::new(what, "give another folder with --out")));
+    }
+    let there = Scene::read(&folder.join("scene.toml"), &[]).and_then(|scene| scene.hash()).ok();
+    let same = there.is_some_and(|hash| hash == checkpoint.stamp.scene_hash);
+    if same && !changes.is_empty() && !overwrite {
+        let what = format!(
+            "{}: holds the run that the checkpoint is of, without the change `{}`",
+            folder.display(),
+            changes[0]
+        );
+        return Err(Error::input(Notice::new(
+            what,
+            "give another folder with --out: two runs in one would mix",
+        )));
+    }
+    let earlier = match (overwrite, same) {
+        (true, _) => Earlier::Overwrite,
+        (false, true) => Earlier::Continue,
+        (false, false) => Earlier::Keep,
+    };
+    Ok((OutputFolder::take(folder, earlier)?, earlier == Earlier::Continue))
+}
+
+/// The step that ends a run with `--until`.
+fn until(scene: &Scene, options: &Options, start: f64) -> Result<Option<u64>> {
+    let Some(time) = options.until else { return Ok(None) };
+    if time > start && time <= scene.time.end {
+        return Ok(Some((time / scene.time.step * (1.0 - 1e-12)).ceil() as u64));
+    }
+    let what = format!("--until {time} is not between the start at {} s and time.end", Rounded(start));
+    Err(Error::input(Notice::new(what, format!("give a time up to {} s", scene.time.end))))
+}
+
+/// The column that ends a run is one that it records.
+pub fn check_stop(scene: &Scene, simulation: &Simulation) -> Result<()> {
+    let Some(value) = scene.stop.as_ref().and_then(|stop| stop.value.as_ref()) else { return Ok(()) };
+    let row = readings(&scene.output, 0.0, &simulation.view(), &simulation.readings());
+    if row.iter().any(|(name, _)| *name == value.column) {
+        return Ok(());
+    }
+    let names: Vec<&str> = row.iter().map(|(name, _)| name.as_ref()).collect();
+    let what = format!("`stop.value.column = \"{}\"`: the run records no such column", value.column);
+    Err(scene.error("stop.value.column", what, format!("there are: {}", names.join(", "))))
+}
+
 impl Run {
-    fn new(scene: &Scene, options: &Options, threads: usize, interrupted: &AtomicBool) -> Result<Run> {
+    fn new(scene: &Scene, options: &Options, threads: usize, ending: Ending) -> Result<Run> {
         let started = Instant::now();
         let folder = options.out.clone().unwrap_or_else(|| default_folder(&options.scene));
         let hash = scene.hash()?;
         let host = host(folder.join("solver.log"));
-        let mut placing = placing::watched(&folder, interrupted, options.quiet);
+        let mut changes = vec![];
+        let mut beds = vec![];
+        let until_step;
         let (simulation, recording) = match &options.restart {
             None => {
+                until_step = until(scene, options, 0.0)?;
+                let earlier = if options.overwrite { Earlier::Overwrite } else { Earlier::Keep };
+                let output = OutputFolder::take(&folder, earlier)?;
+                let mut placing = placing::watched(Some(&folder), ending.flag(), options.quiet);
                 let mut simulation = Simulation::placed(scene, &host, &mut placing)?;
+                beds.append(&mut placing.beds);
                 simulation.refresh()?;
-                let recording = Recording::start(&folder, scene, &simulation.view(), &simulation.readings())?;
+                let (view, readings) = (simulation.view(), simulation.readings());
+                check_stop(scene, &simulation)?;
+                let recording = Recording::start(output, scene, &view, &readings, None)?;
                 (simulation, recording)
             }
             Some(file) => {
-                let checkpoint = Checkpoint::read(file, &hash)?;
-                let mut simulation = Simulation::placed(scene, &host, &mut placing)?.restart(&checkpoint)?;
+                let checkpoint = Checkpoint::open(file)?;
+                changes = scene.changes_since(&checkpoint)?;
+                until_step = until(scene, options, checkpoint.stamp.time)?;
+                let (output, same) = continued(&folder, file, &checkpoint, &changes, options.overwrite)?;
+                let mut simulation = Simulation::restarted(scene, &host, &checkpoint)?;
+                if simulation.steps() >= scene.time.steps() {
+                    let (time, end) = (Rounded(simulation.time()), scene.time.end);
+                    let what = format!("{}: is at t = {time} s, and time.end = {end} s", file.display());
+                    let help = "nothing is left to do; give a later end, such as --set time.end=..";
+                    return Err(Error::input(Notice::new(what, help)));
+                }
                 simulation.refresh()?;
                 let (view, readings) = (simulation.view(), simulation.readings());
-                let recording = Recording::resume(&folder, scene, &view, &readings, &checkpoint)?;
+                check_stop(scene, &simulation)?;
+                let recording = match same {
+                    true => Recording::resume(output, scene, &view, &readings, &checkpoint)?,
+                    false => Recording::start(output, scene, &view, &readings, Some(&checkpoint))?,
+                };
                 (simulation, recording)
             }
         };
@@ -151,10 +261,13 @@ impl Run {
             threads,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_hash: hash.clone(),
+            restarted_from: options.restart.as_ref().map(|file| file.display().to_string()),
+            changes: changes.iter().map(Change::to_string).collect(),
             ..Summary::default()
         };
         info!("{}", scene.title);
-        placing::tell(&placing.beds);
+        placing::tell(&beds);
+        summary.changes.iter().for_each(|change| info!("changed since the checkpoint: {change}"));
         info!(
             "{} grains, {} nodes, {} cells, {threads} threads, into {}",
             summary.grains,
@@ -163,27 +276,34 @@ impl Run {
             folder.display()
         );
         let stamp = Stamp { scene_hash: hash, step: simulation.steps(), time: simulation.time() };
+        let autosave = scene.output.checkpoint_interval.is_none().then(Instant::now);
         Ok(Run {
             simulation,
             recording,
             stamp,
             summary,
             last: scene.time.steps(),
+            until: until_step,
+            watch: Watch::new(scene.stop.as_ref()),
+            ending,
+            autosave,
             started,
             setup_s: started.elapsed().as_secs_f64(),
             output_s: 0.0,
         })
     }
 
-    /// Steps to the end, or until interrupted (`false`).
-    fn steps(&mut self, interrupted: &AtomicBool, quiet: bool) -> Result<bool> {
-        let mut progress = Progress::new(self.simulation.steps(), self.last, quiet);
-        while self.simulation.steps() < self.last {
-            if interrupted.load(Ordering::Relaxed) {
-                return Ok(false);
+    /// Steps to the end, to what stops the run, or until interrupted.
+    fn steps(&mut self, quiet: bool) -> Result<Ended> {
+        let last = self.until.unwrap_or(self.last);
+        let mut progress = Progress::new(self.simulation.steps(), last, quiet);
+        while self.simulation.steps() < last {
+            self.keep();
+            if self.ending.is_asked() {
+                return Ok(Ended::Interrupted);
             }
             let report = self.simulation.step()?;
-            self.record()?;
+            let reached = self.record()?;
             let step = self.simulation.steps();
             for remark in self.simulation.remarks() {
                 warn!("step {step}: {remark}\n  (later steps of this kind are counted in summary.json)");
@@ -194,26 +314,58 @@ impl Run {
                 contacts: report.grains.map_or(0, |grains| grains.contacts),
                 residual: report.residual(),
             });
+            let (time, wall) = (self.simulation.time(), self.started.elapsed().as_secs_f64());
+            let stopped = self.watch.after_step(time, || self.simulation.fastest(), wall).or(reached);
+            if let Some(why) = stopped.filter(|_| step < self.last) {
+                return Ok(Ended::Stopped(why));
+            }
         }
-        Ok(true)
+        match self.until {
+            Some(until) if until < self.last => {
+                Ok(Ended::Stopped(format!("--until {}", Rounded(self.simulation.time()))))
+            }
+            _ => Ok(Ended::Done),
+        }
     }
 
-    /// Writes what is due.
-    fn record(&mut self) -> Result<()> {
+    /// Keeps the state for an interrupt within the next step.
+    fn keep(&mut self) {
+        let Run { simulation, recording, stamp, summary, ending, started, .. } = self;
+        ending.keep(|| {
+            let stamp = Stamp { step: simulation.steps(), time: simulation.time(), ..stamp.clone() };
+            let mut summary = summary.clone();
+            simulation.sum_up(&mut summary);
+            summary.steps_of_this_process = simulation.totals().steps;
+            summary.wall_s = started.elapsed().as_secs_f64();
+            let (state, kept, folder) =
+                (simulation.last_state(), recording.kept(), recording.folder().to_path_buf());
+            Saved { stamp, state, kept, summary, folder }
+        });
+    }
+
+    /// Writes what is due; why the run ends, if a row of the series says so.
+    fn record(&mut self) -> Result<Option<String>> {
         let start = Instant::now();
         let (step, time) = (self.simulation.steps(), self.simulation.time());
         let due = self.recording.due(step);
+        let mut reached = None;
         if due.any() {
             if due.needs_fields() {
                 self.simulation.refresh()?;
             }
-            self.recording.record(step, time, &self.simulation.view(), &self.simulation.readings())?;
+            let row =
+                self.recording.record(step, time, &self.simulation.view(), &self.simulation.readings())?;
+            reached = self.watch.after_row(&row);
         }
         if due.checkpoint {
             self.checkpoint()?;
+        } else if let Some(last) = self.autosave.filter(|last| last.elapsed() > AUTOSAVE) {
+            self.stamp = Stamp { step, time, ..self.stamp.clone() };
+            self.recording.checkpoint(&self.stamp, &self.simulation.last_state())?;
+            self.autosave = Some(last + last.elapsed());
         }
         self.output_s += start.elapsed().as_secs_f64();
-        Ok(())
+        Ok(reached)
     }
 
     fn checkpoint(&mut self) -> Result<PathBuf> {
@@ -233,22 +385,28 @@ impl Run {
     }
 
     /// Ends the run: last frame and checkpoint, summary, pictures.
-    fn close(mut self, outcome: Result<bool>) -> Result<u8> {
-        let ended = match &outcome {
-            Ok(true) => "done",
-            Ok(false) => "interrupted",
-            Err(_) => "failed",
+    fn close(mut self, outcome: Result<Ended>) -> Result<u8> {
+        self.ending.claim();
+        let (ended, reason) = match &outcome {
+            Ok(Ended::Done) => ("done", None),
+            Ok(Ended::Stopped(why)) => ("done", Some(why.clone())),
+            Ok(Ended::Interrupted) => ("interrupted", None),
+            Err(error) => ("failed", Some(error.notice().what)),
         };
         let time = self.simulation.time();
         match &outcome {
-            Ok(true) => {}
-            Ok(false) => {
+            Ok(Ended::Done) => {}
+            Ok(Ended::Stopped(why)) => {
+                let path = self.leave()?;
+                info!("{why}; --restart {} goes on from t = {} s", path.display(), Rounded(time));
+            }
+            Ok(Ended::Interrupted) => {
                 let path = self.leave()?;
                 warn!("interrupted at t = {} s; go on with --restart {}", Rounded(time), path.display());
             }
             Err(error) => self.leave_failed(error),
         }
-        self.summary.outcome = ended.to_owned();
+        (self.summary.outcome, self.summary.reason) = (ended.to_owned(), reason);
         self.write_summary().or_else(|error| if outcome.is_err() { Ok(()) } else { Err(error) })?;
         let folder = self.recording.folder().to_path_buf();
         let drawn = plot::draw(&folder);
@@ -261,24 +419,29 @@ impl Run {
             duration(self.summary.wall_s),
             folder.display()
         );
-        Ok(if finished { 0 } else { 1 })
+        Ok(if matches!(finished, Ended::Interrupted) { 1 } else { 0 })
     }
 
-    /// What a run that fails leaves; that this may fail too is no news beside why the run did.
+    /// What a run that fails leaves: frame, picture and state of its last good step, or of the step in which grains overlap too much. That
+    /// this may fail too is no news beside why the run did.
     fn leave_failed(&mut self, error: &Error) {
-        let checkpoint = self.recording.folder().join(CHECKPOINT);
-        let left = matches!(error, Error::Penetration(_)).then(|| {
+        let overlap = matches!(error, Error::Penetration(_));
+        if overlap {
             // Where this step is due; what of it cannot be written is missing.
             let _ = self.record();
-            self.leave()
-        });
-        match left {
-            Some(Ok(path)) => warn!(
-                "the state of that step is in {}; with a larger contacts.max_penetration, --restart goes on from it",
-                path.display()
-            ),
-            _ if checkpoint.exists() => warn!("the last checkpoint is {}", checkpoint.display()),
-            _ => {}
+        }
+        let checkpoint = self.recording.folder().join(CHECKPOINT);
+        let _ = self.simulation.refresh();
+        let (step, time) = (self.simulation.steps(), self.simulation.time());
+        let _ = self.recording.frame(step, time, &self.simulation.view());
+        self.stamp = Stamp { step, time, ..self.stamp.clone() };
+        if let Ok(path) = self.recording.failed(&self.stamp, &self.simulation.last_state()) {
+            let larger = if overlap { "with a larger contacts.max_penetration, " } else { "" };
+            let time = Rounded(time);
+            warn!("the state at t = {time} s is in {}; {larger}--restart goes on from it", path.display());
+        }
+        if checkpoint.exists() {
+            warn!("the last checkpoint is {}", checkpoint.display());
         }
     }
 

@@ -86,13 +86,18 @@ fn clock(study: &Study) -> &'static str {
     }
 }
 
+/// Largest power of the time that is shown.
+const STEEPEST: f64 = 8.0;
+
 /// Error against time for every quantity, then against what is refined.
 fn drawn(study: &Study, lines: &[Line]) -> Vec<Panel> {
     let mut labels: Vec<&str> = lines.iter().map(|line| line.label.as_str()).collect();
     labels.dedup();
     let quantities = 0..study.quantities.len();
     let timed = quantities.clone().map(|k| {
-        let name = |line: &Line| named(line, line.power(k).map(|power| format!("time^{}", minus(power))));
+        // Where the error changes and the time hardly does, there is no power.
+        let power = |line: &Line| line.power(k).filter(|power| power.abs() <= STEEPEST);
+        let name = |line: &Line| named(line, power(line).map(|power| format!("time^{}", minus(power))));
         let curve = |line: &Line| Curve::joined(name(line), places(line, k, |point| point.time));
         panel(study, k, clock(study), lines.iter().map(curve).collect())
     });

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use voidage_coupling::{Coupled, Notice, StepReport};
 use voidage_remote::launch::Host;
-use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
+use voidage_scene::recorder::{Checkpoint, Kept, Stamp};
 use voidage_scene::{Scene, Solver, Time};
 
 /// A scene in motion.
@@ -152,7 +152,8 @@ impl Simulation {
         py.detach(|| {
             let stamp = Stamp { scene_hash: scene.hash()?, step: inner.steps(), time: inner.time() };
             // There are no averages over time to go on with.
-            Checkpoint::write(&path, &stamp, &inner.state()?, &None::<Averages>)
+            let kept = Kept { averages: None, course: scene.course_toml()? };
+            Checkpoint::write(&path, &stamp, &inner.state()?, &kept)
         })
         .map_err(|error| raised.exception(py, &error))
     }
@@ -237,7 +238,11 @@ fn build(
 ) -> voidage_coupling::Result<voidage_scene::Simulation> {
     let host = Host::default();
     let host = Host { log: log.unwrap_or(host.log), ..host };
-    let mut simulation = voidage_scene::Simulation::hosted(scene, &host)?;
+    let checkpoint = restart.map(|file| Checkpoint::read(file, &scene.hash()?)).transpose()?;
+    let mut simulation = match &checkpoint {
+        None => voidage_scene::Simulation::hosted(scene, &host)?,
+        Some(checkpoint) => voidage_scene::Simulation::restarted(scene, &host, checkpoint)?,
+    };
     let coupled = simulation.coupled_mut();
     if let Some(scheme) = scheme {
         coupled.set_scheme(Box::new(scheme));
@@ -246,10 +251,7 @@ fn build(
         fluid.backend = Box::new(solver);
         fluid.start()?;
     }
-    match restart {
-        None => Ok(simulation),
-        Some(file) => simulation.restart(&Checkpoint::read(file, &scene.hash()?)?),
-    }
+    Ok(simulation)
 }
 
 /// The threads of this process; they can be started once.

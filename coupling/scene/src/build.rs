@@ -105,6 +105,13 @@ fn initial_velocity(fluid: &scene::Fluid) -> Vector<2> {
 
 fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
     let names: Vec<&String> = scene.materials.keys().collect();
+    let contacts = scene.contacts.clone().unwrap_or_default();
+    let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect();
+    if let Some(given) = placing.given.take() {
+        let of = |group: &scene::Grains| material(&scene.materials[&group.material], group.solidity);
+        let materials = scene.grains.iter().map(of).collect();
+        return Ok(Dem::new(given, walls, materials, settings(scene, &contacts))?);
+    }
     let mut materials = Vec::new();
     let (mut all, mut forces) = (Particles::<2>::default(), vec![]);
     let mut heat = voidage_dem::Heat::default();
@@ -146,11 +153,9 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
         all.heat = Some(heat);
     }
     scene.check_apart(&all)?;
-    let contacts = scene.contacts.clone().unwrap_or_default();
     if contacts.rotation {
         all = all.rotating();
     }
-    let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect();
     let mut dem = Dem::new(all, walls, materials, settings(scene, &contacts))?;
     if !forces.is_empty() {
         dem.start_from(&forces);

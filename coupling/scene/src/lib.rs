@@ -7,6 +7,7 @@
 
 mod along;
 pub mod build;
+mod changes;
 mod check;
 pub mod compare;
 pub mod document;
@@ -21,10 +22,12 @@ mod read;
 pub mod recorder;
 mod schema;
 pub mod simulation;
+mod stop;
 #[cfg(test)]
 mod tests;
 pub mod totals;
 
+pub use changes::Change;
 pub use droplet::{Droplet, Liquid};
 pub use fluid::{
     Boundary, Coupling, Flow, Fluid, FluidHeat, FluidScalar, FluidSolver, HeatBoundary, LinearMethod,
@@ -38,6 +41,7 @@ pub use origin::Origin;
 pub use output::{Average, Output, PressureDrop};
 pub use schema::json_schema;
 pub use simulation::Simulation;
+pub use stop::{AtRest, Reached, Stop, Watch};
 pub use voidage_coupling::error::{Location, SceneError};
 pub use voidage_dem::{Cohesion, Conduction};
 pub use voidage_fluid::transport::Form;
@@ -58,6 +62,9 @@ pub struct Scene {
     pub gravity: Coordinates,
     /// Step and end of the run.
     pub time: Time,
+    /// What ends the run before `time.end`. Default: nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop: Option<Stop>,
     /// Materials of grains and walls, by name. Default: none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub materials: BTreeMap<String, Material>,

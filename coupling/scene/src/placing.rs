@@ -20,6 +20,8 @@ pub type Observer<'a> = dyn FnMut(usize, Progress) -> ControlFlow<()> + 'a;
 pub struct Placing<'a> {
     folder: Option<PathBuf>,
     observer: Box<Observer<'a>>,
+    /// The grains of a checkpoint, all groups: then nothing is placed.
+    pub(crate) given: Option<Particles<2>>,
     /// The beds poured so far.
     pub beds: Vec<Bed>,
 }
@@ -104,9 +106,19 @@ impl<'a> Placing<'a> {
         Self::new(None, |_, _| ControlFlow::Continue(()))
     }
 
+    /// The grains are where a checkpoint has them.
+    pub(crate) fn given(particles: Particles<2>) -> Self {
+        Self { given: Some(particles), ..Self::alone() }
+    }
+
     /// Beds are kept in `folder`, and taken from there when nothing has changed that determines them.
     pub fn new(folder: Option<&Path>, observer: impl FnMut(usize, Progress) -> ControlFlow<()> + 'a) -> Self {
-        Self { folder: folder.map(Path::to_path_buf), observer: Box::new(observer), beds: vec![] }
+        Self {
+            folder: folder.map(Path::to_path_buf),
+            observer: Box::new(observer),
+            given: None,
+            beds: vec![],
+        }
     }
 
     /// The grains of a group; `materials` are those of the groups up to it.

@@ -95,21 +95,34 @@ impl Scene {
         toml::to_string(self).map_err(|error| Error::run(format!("cannot write the scene as TOML: {error}")))
     }
 
-    /// A hash (blake3, hexadecimal) of all that decides the course of the run: the scene without its title, its end, the overlap that ends it,
-    /// its output and the program that solves the fluid, and the content of the files it names. Equal hashes: a checkpoint of one restarts the other.
-    pub fn hash(&self) -> Result<String> {
+    /// What decides the course of a run: the scene without its title, its end, what stops it, its output and the program that
+    /// solves the fluid.
+    fn course(&self) -> Scene {
         let mut bare = self.clone();
         bare.title = String::new();
         bare.time.end = 0.0;
+        bare.stop = None;
         bare.contacts.iter_mut().for_each(|contacts| contacts.max_penetration = 0.0);
         bare.output = super::Output::default();
         bare.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
+        bare
+    }
+
+    /// The course of the run as TOML, without the places of its files: two runs of equal texts and equal files are equal.
+    pub fn course_toml(&self) -> Result<String> {
+        let mut bare = self.course();
+        bare.files_mut().for_each(|file| *file = PathBuf::new());
+        bare.to_toml()
+    }
+
+    /// A hash (blake3, hexadecimal) of [`Self::course_toml`] and the content of the files that the scene names. Equal hashes: a checkpoint
+    /// of one restarts the other.
+    pub fn hash(&self) -> Result<String> {
         let mut hasher = blake3::Hasher::new();
-        for file in bare.files_mut() {
+        for file in self.course().files_mut() {
             hasher.update(&fs::read(&*file).map_err(|error| Error::file(file, "read", error))?);
-            *file = PathBuf::new();
         }
-        hasher.update(bare.to_toml()?.as_bytes());
+        hasher.update(self.course_toml()?.as_bytes());
         Ok(hasher.finalize().to_hex().to_string())
     }
 

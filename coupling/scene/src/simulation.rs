@@ -13,6 +13,7 @@ use voidage_coupling::error::{Error, Notice, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::remesh::RemeshState;
 use voidage_coupling::{Agreement, Carried, Coupled, Fluid, StepReport, TEMPERATURE};
+use voidage_dem::Rounded;
 use voidage_fluid::Vector;
 use voidage_fluid::balance::Balance;
 use voidage_fluid::flow;
@@ -45,6 +46,9 @@ pub struct State {
     at: Option<AtGrains<2>>,
     carried: Option<Carried<2>>,
     departed: u64,
+    /// Of the grains at time zero.
+    bed_weight_per_area: Option<f64>,
+    surface: f64,
 }
 
 /// An error on the way to the end of a step, with the number of the step and the time at its start, s.
@@ -89,14 +93,39 @@ impl Simulation {
         Ok(Self { coupled, dt, last, totals, bed_weight_per_area, max_penetration, surface, gas })
     }
 
+    /// The scene at a checkpoint, with the grains that it has: none are placed. After a change of `time.step` the steps count as if all
+    /// had been of the new length.
+    ///
+    /// # Errors
+    /// Those of [`build::placed`], a checkpoint that does not fit the scene, a time that is no whole number of steps.
+    pub fn restarted(scene: &Scene, host: &Host, checkpoint: &Checkpoint) -> Result<Self> {
+        let state: State = checkpoint.state()?;
+        let mut placing = match &state.grains {
+            Some(grains) => Placing::given(grains.particles.clone()),
+            None => Placing::alone(),
+        };
+        Self::placed(scene, host, &mut placing)?.at(state)
+    }
+
     /// The same at a checkpoint.
     ///
     /// # Errors
     /// A checkpoint that does not fit the scene, a fluid solver that cannot be reached.
-    pub fn restart(mut self, checkpoint: &Checkpoint) -> Result<Self> {
-        let state: State = checkpoint.state()?;
+    pub fn restart(self, checkpoint: &Checkpoint) -> Result<Self> {
+        self.at(checkpoint.state()?)
+    }
+
+    fn at(mut self, state: State) -> Result<Self> {
+        let steps = (state.time / self.dt).round();
+        if (steps * self.dt - state.time).abs() > 1e-3 * self.dt {
+            let (time, step) = (Rounded(state.time), Rounded(self.dt));
+            let what =
+                format!("the checkpoint is at t = {time} s, which is no whole number of steps of {step} s");
+            return Err(Error::input(Notice::new(what, "give a `time.step` that divides that time")));
+        }
+        (self.bed_weight_per_area, self.surface) = (state.bed_weight_per_area, state.surface);
         let coupled = &mut self.coupled;
-        coupled.set_time(state.time, state.steps);
+        coupled.set_time(state.time, steps as u64);
         if let (Some(fluid), Some(droplet)) = (coupled.fluid_mut(), state.droplet) {
             fluid.restore_droplet(droplet);
         }
@@ -268,6 +297,12 @@ impl Simulation {
         }
     }
 
+    /// Speed of the fastest grain, m/s; zero without grains.
+    pub fn fastest(&self) -> f64 {
+        let grains = self.coupled.grains().map_or(&[][..], |grains| &grains.particles.velocity);
+        grains.iter().map(|velocity| velocity.norm()).fold(0.0, f64::max)
+    }
+
     /// What the recorder writes; the voidage as of the last [`Self::refresh`].
     pub fn view(&self) -> View<'_, 2> {
         let grains = self.coupled.grains().map(|grains| {
@@ -398,23 +433,29 @@ impl Simulation {
     /// The fluid solver cannot be reached.
     pub fn state(&mut self) -> Result<State> {
         let (step, time) = (self.steps() + 1, self.time());
-        let coupled = &mut self.coupled;
-        let mut fluid = None;
-        if let Some(there) = coupled.fluid_mut() {
-            there.start().map_err(|error| in_step(step, time, error))?;
-            fluid = Some(there.accepted.clone());
+        if let Some(fluid) = self.coupled.fluid_mut() {
+            fluid.start().map_err(|error| in_step(step, time, error))?;
         }
-        Ok(State {
+        Ok(self.last_state())
+    }
+
+    /// The same without a word to the fluid solver: of a run that cannot go on, or that goes on as if nothing had been
+    /// written. A restart from it agrees to the tolerance of the linear solver.
+    pub fn last_state(&self) -> State {
+        let coupled = &self.coupled;
+        State {
             time: coupled.time(),
             steps: coupled.steps(),
             grains: coupled.grains().map(|grains| grains.state()),
-            fluid,
+            fluid: coupled.fluid().map(|fluid| fluid.accepted.clone()),
             remeshed: coupled.fluid().and_then(Fluid::remesh_state),
             droplet: coupled.fluid().and_then(|fluid| fluid.droplet.as_ref()).map(|d| d.state.clone()),
             at: coupled.interaction().map(|interaction| interaction.at.clone()),
             carried: coupled.interaction().and_then(|interaction| interaction.carried.clone()),
             departed: coupled.interaction().map_or(0, |interaction| interaction.departed),
-        })
+            bed_weight_per_area: self.bed_weight_per_area,
+            surface: self.surface,
+        }
     }
 }
 

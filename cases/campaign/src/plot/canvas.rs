@@ -235,14 +235,59 @@ pub const fn pixels(size: u32) -> u32 {
     size * SCALE
 }
 
-/// Labels of an axis: as many digits as its steps need.
+/// A power of ten as it is printed.
+pub fn power_of_ten(exponent: i32) -> String {
+    let raised = |digit: char| match digit {
+        '-' => '\u{207b}',
+        '1' => '\u{b9}',
+        '2' => '\u{b2}',
+        '3' => '\u{b3}',
+        digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
+    };
+    format!("10{}", exponent.to_string().chars().map(raised).collect::<String>())
+}
+
+/// A number with so many digits behind the point, without zeros at its end.
+fn plain(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    text.replace('-', "\u{2212}")
+}
+
+/// Labels of an axis: as many digits as its steps need, and a power of ten where numbers are very small or large.
 pub fn label(low: f64, high: f64) -> impl Fn(&f64) -> String {
-    let span = (high - low).abs();
-    let digits = if span > 0.0 { (1.0 - (span / 3.0).log10().floor()).clamp(0.0, 8.0) as usize } else { 2 };
+    let (span, largest) = ((high - low).abs(), low.abs().max(high.abs()));
+    let needed = |span: f64| (1.0 - (span / 3.0).log10().floor()).clamp(0.0, 8.0) as usize;
+    // Four digits behind the point are read at a glance, and so are five before it.
+    let exponent = (span > 0.0 && !(1e-3..1e5).contains(&largest)).then(|| largest.log10().floor() as i32);
     move |value| {
-        let value = if value.abs() < 1e-12 * span { 0.0 } else { *value };
-        let text = format!("{value:.digits$}");
-        let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-        text.replace('-', "\u{2212}")
+        let value = if value.abs() < 1e-9 * span { 0.0 } else { *value };
+        match exponent {
+            Some(exponent) if value != 0.0 => {
+                let unit = 10f64.powi(exponent);
+                format!("{}\u{b7}{}", plain(value / unit, needed(span / unit)), power_of_ten(exponent))
+            }
+            _ => plain(value, if span > 0.0 { needed(span) } else { 2 }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_read_at_a_glance_whatever_the_size() {
+        let said =
+            |low: f64, high: f64, values: &[f64]| values.iter().map(label(low, high)).collect::<Vec<_>>();
+        assert_eq!(said(0.0, 1.5, &[0.0, 0.5, 1.5]), ["0", "0.5", "1.5"]);
+        assert_eq!(said(290.0, 363.0, &[300.0, 350.0]), ["300", "350"]);
+        // They were "0", "0", "0".
+        assert_eq!(
+            said(0.0, 4e-12, &[0.0, 2e-12, 4e-12]),
+            ["0", "2\u{b7}10\u{207b}\u{b9}\u{b2}", "4\u{b7}10\u{207b}\u{b9}\u{b2}"]
+        );
+        assert_eq!(said(-3e7, 3e7, &[-2e7]), ["\u{2212}2\u{b7}10\u{2077}"]);
+        assert_eq!(power_of_ten(-10), "10\u{207b}\u{b9}\u{2070}");
     }
 }

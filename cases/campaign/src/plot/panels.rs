@@ -1,6 +1,8 @@
 //! Pages of small plots: measured points on exact lines.
 
-use super::canvas::{Area, Canvas, label, pixels, text};
+use super::canvas::{Area, Canvas, label, pixels, power_of_ten, text};
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
+use plotters::coord::types::RangedCoordf64;
 use plotters::element::{Circle, DashedPathElement};
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
@@ -223,7 +225,10 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
         .margin_right(pixels(22))
         .x_label_area_size(pixels(48))
         .y_label_area_size(pixels(78))
-        .build_cartesian_2d(left..right, low..high)?;
+        .build_cartesian_2d(
+            Axis { range: (left..right).into(), ticks: places_of_ticks(panel.log[0], left, right, 6) },
+            Axis { range: (low..high).into(), ticks: places_of_ticks(panel.log[1], low, high, 7) },
+        )?;
     chart
         .configure_mesh()
         .x_desc(panel.labels[0].as_str())
@@ -275,7 +280,7 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
 }
 
 fn stroke(
-    chart: &mut super::canvas::Chart,
+    chart: &mut ChartContext<BitMapBackend, Cartesian2d<Axis, Axis>>,
     curve: &Curve,
     points: &[(f64, f64)],
     colour: RGBColor,
@@ -349,29 +354,74 @@ fn emptiest(
     best.map_or(SeriesLabelPosition::UpperRight, |(place, ..)| place)
 }
 
+/// An axis with ticks at places of its own.
+#[derive(Clone)]
+struct Axis {
+    range: RangedCoordf64,
+    ticks: Vec<f64>,
+}
+
+impl Ranged for Axis {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        self.range.map(value, limit)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.ticks.clone()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.range.range()
+    }
+}
+
+/// Places of the ticks of an axis: on a logarithmic one, in decades, whole decades, or 1, 2 and 5 of each where these are few.
+fn places_of_ticks(log: bool, low: f64, high: f64, most: usize) -> Vec<f64> {
+    if !log {
+        return RangedCoordf64::from(low..high).key_points(most);
+    }
+    let (low, high) = (low.min(high), low.max(high));
+    let decades = low.ceil() as i32..=high.floor() as i32;
+    if high - low >= 2.5 {
+        let every = decades.clone().count().div_ceil(most).max(1);
+        return decades.step_by(every).map(f64::from).collect();
+    }
+    let parts = |decade: i32| [1.0_f64, 2.0, 5.0].map(|part| f64::from(decade) + part.log10());
+    let all = (low.floor() as i32..=high.floor() as i32).flat_map(parts);
+    all.filter(|place| (low..=high).contains(place)).collect()
+}
+
 /// Labels of an axis; powers of ten on a logarithmic one, plain numbers where it spans little.
 fn ticks(log: bool, low: f64, high: f64) -> Box<dyn Fn(&f64) -> String> {
     if !log {
         return Box::new(label(low, high));
     }
-    if high - low < 2.5 {
-        return Box::new(|decades| {
-            let value = 10f64.powf(*decades);
-            let digits = (1 - decades.floor() as i32).clamp(0, 8) as usize;
-            format!("{value:.digits$}")
-        });
-    }
-    Box::new(|decades| {
-        if (decades - decades.round()).abs() > 1e-6 {
-            return String::new();
+    let few = (high - low).abs() < 2.5;
+    Box::new(move |decades| {
+        let value = 10f64.powf(*decades);
+        match few {
+            true => label(value, 1.1 * value)(&value),
+            false => power_of_ten(decades.round() as i32),
         }
-        let raised = |digit: char| match digit {
-            '-' => '\u{207b}',
-            '1' => '\u{b9}',
-            '2' => '\u{b2}',
-            '3' => '\u{b3}',
-            digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
-        };
-        format!("10{}", format!("{decades:.0}").chars().map(raised).collect::<String>())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_of_a_logarithmic_axis_are_round() {
+        let said = |low: f64, high: f64| {
+            let ticks = ticks(true, low, high);
+            places_of_ticks(true, low, high, 6).iter().map(|place| ticks(place)).collect::<Vec<_>>()
+        };
+        // They were 0.00032, 0.0010, 0.0032.
+        assert_eq!(said(-2.2, -0.9), ["0.01", "0.02", "0.05", "0.1"]);
+        assert_eq!(said(-10.5, 0.4).len(), 6);
+        assert_eq!(said(-0.4, 3.2), ["10\u{2070}", "10\u{b9}", "10\u{b2}", "10\u{b3}"]);
+    }
 }

@@ -166,7 +166,7 @@ fn check_rectangle(scene: &Scene, rectangle: &Rectangle) -> Checked {
     }
     let area = (0..2).map(|axis| rectangle.upper[axis] - rectangle.lower[axis]).product::<f64>();
     let cells = rectangle.size.map_or(0.0, |size| 2.0 * area / size.powi(2));
-    if cells > 1e8 {
+    if cells > 2e7 {
         let message = format!("`{path}.size` makes about {cells:.0e} triangles");
         return fail(scene, &format!("{path}.size"), message, "give a larger size");
     }

@@ -16,13 +16,39 @@ pub(super) fn check(scene: &Scene) -> Checked {
     for (i, group) in scene.grains.iter().enumerate() {
         check_group(scene, &format!("grains[{i}]"), group)?;
     }
+    check_use(scene)?;
     check_heat(scene)?;
     check_contacts(scene)?;
     check_places(scene)
 }
 
+/// Something uses each material: one with a misspelt name would change nothing.
+fn check_use(scene: &Scene) -> Checked {
+    let of_grains = scene.grains.iter().map(|group| &group.material);
+    let used: Vec<&String> =
+        of_grains.chain(scene.walls.iter().filter_map(|wall| wall.material.as_ref())).collect();
+    match scene.materials.keys().find(|name| !used.contains(name)) {
+        None => Ok(()),
+        Some(name) => {
+            let mut others = used;
+            others.sort();
+            others.dedup();
+            let message = format!("nothing is made of `materials.{name}`; grains and walls use {others:?}");
+            let help = "correct its name, use it, or take it away";
+            fail(scene, &format!("materials.{name}"), message, help)
+        }
+    }
+}
+
 /// Checks of the walls, as the file has them.
 pub(super) fn walls(scene: &Scene) -> Checked {
+    for (i, wall) in scene.walls.iter().enumerate() {
+        if scene.walls[..i].iter().any(|other| other.name == wall.name) {
+            let path = format!("walls[{i}].name");
+            let message = format!("`{path} = \"{}\"`: another wall has this name", wall.name);
+            return fail(scene, &path, message, "give each wall a name of its own");
+        }
+    }
     let mut walls = scene.walls.iter().enumerate();
     walls.try_for_each(|(i, wall)| check_wall(scene, &format!("walls[{i}]"), wall))
 }

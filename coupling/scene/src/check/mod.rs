@@ -3,12 +3,15 @@
 mod fluid;
 mod grains;
 
-use super::{Coordinates, Scene, SceneError};
+use super::{Coordinates, MeshSource, Scene, SceneError};
 use voidage_coupling::TEMPERATURE;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::relaxation::Relaxation;
 
 type Checked = Result<(), Box<SceneError>>;
+
+/// Most squares of a grid of averages.
+const MOST_SQUARES: f64 = 1e7;
 
 /// Checks that go before defaults are filled in: whether the tables fit together.
 pub(super) fn structure(scene: &Scene) -> Checked {
@@ -75,6 +78,7 @@ pub(super) fn walls(scene: &Scene) -> Checked {
 /// Checks of the values, with defaults filled in.
 pub(super) fn values(scene: &Scene) -> Checked {
     time(scene)?;
+    magnitudes(scene)?;
     // Before the fluid: a hole that no droplet claims would there be a boundary without conditions.
     scene.droplet.as_ref().map_or(Ok(()), |droplet| fluid::droplet(scene, droplet))?;
     if let Some(fluid) = &scene.fluid {
@@ -97,7 +101,29 @@ pub(super) fn values(scene: &Scene) -> Checked {
             return fail(scene, "coupling.heat", message, help);
         }
     }
+    stop(scene)?;
     output(scene)
+}
+
+/// Checks of what ends the run early.
+fn stop(scene: &Scene) -> Checked {
+    let Some(stop) = &scene.stop else { return Ok(()) };
+    if let Some(rest) = &stop.at_rest {
+        positive(scene, "stop.at_rest.speed", rest.speed)?;
+        positive(scene, "stop.at_rest.during", rest.during)?;
+        if scene.grains.is_empty() {
+            let message = "`stop.at_rest` is there, but no grains";
+            return fail(scene, "stop.at_rest", message, "add `[[grains]]`, or take it away");
+        }
+    }
+    stop.wall_time.map_or(Ok(()), |seconds| positive(scene, "stop.wall_time", seconds))?;
+    match &stop.value {
+        Some(value) if value.above.is_none() && value.below.is_none() => {
+            let message = "`stop.value` has no bound";
+            fail(scene, "stop.value", message, "add `above` or `below`")
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Bounds of cohesion belong to scalars that are there, and to contacts that stick.
@@ -114,6 +140,30 @@ fn cohesion_below(scene: &Scene) -> Checked {
         }
     }
     Ok(())
+}
+
+/// Numbers that no matter has, and that arithmetic does not survive.
+fn magnitudes(scene: &Scene) -> Checked {
+    let size = |vector: &Coordinates| vector.0.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let mut bounded = vec![("gravity".to_owned(), size(&scene.gravity), 0.0, 1e6)];
+    for (name, material) in &scene.materials {
+        bounded.push((format!("materials.{name}.density"), material.density, 1e-6, 1e9));
+        bounded.push((format!("materials.{name}.friction"), material.friction, 0.0, 1e3));
+    }
+    for (i, group) in scene.grains.iter().enumerate() {
+        let speed = group.velocity.as_ref().map_or(0.0, size);
+        bounded.push((format!("grains[{i}].velocity"), speed, 0.0, 1e5));
+    }
+    for (i, wall) in scene.walls.iter().enumerate() {
+        bounded.push((format!("walls[{i}].friction"), wall.friction.unwrap_or(0.0), 0.0, 1e3));
+    }
+    match bounded.into_iter().find(|(_, value, low, high)| value > high || (value < low && *value > 0.0)) {
+        None => Ok(()),
+        Some((path, value, low, high)) => {
+            let message = format!("`{path}`: a size of {value:e} is out of range");
+            fail(scene, &path, message, format!("give a size from {low:e} to {high:e}, in SI units"))
+        }
+    }
 }
 
 fn time(scene: &Scene) -> Checked {
@@ -151,6 +201,14 @@ fn output(scene: &Scene) -> Checked {
             return fail(scene, "output.average", message, "add `[[grains]]`, or take it away");
         }
         positive(scene, "output.average.cell", average.cell)?;
+        if let Some(MeshSource::Rectangle(rectangle)) = scene.fluid.as_ref().map(|fluid| &fluid.mesh) {
+            let area = (0..2).map(|axis| rectangle.upper[axis] - rectangle.lower[axis]).product::<f64>();
+            let squares = area / average.cell.powi(2);
+            if squares > MOST_SQUARES {
+                let message = format!("`output.average.cell = {}` makes {squares:.0e} squares", average.cell);
+                return fail(scene, "output.average.cell", message, "give a larger side, of some grains");
+            }
+        }
         not_negative(scene, "output.average.from", average.from)?;
         if average.to <= average.from {
             let message =

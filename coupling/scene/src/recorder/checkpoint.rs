@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use voidage_coupling::error::{Error, Notice, Result};
 
 const MAGIC: &[u8; 8] = b"VOIDAGE\n";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 const HEAD: usize = 8 + 4 + 64 + 8 + 8 + 8 + 8;
 const CHECKSUM: usize = 32;
 
@@ -63,6 +63,26 @@ impl Checkpoint {
 
     /// Reads a checkpoint of the scene with this hash.
     pub fn read(path: &Path, scene_hash: &str) -> Result<Checkpoint> {
+        let checkpoint = Checkpoint::open(path)?;
+        match checkpoint.stamp.scene_hash == scene_hash {
+            true => Ok(checkpoint),
+            false => Err(checkpoint.of_another_scene(scene_hash)),
+        }
+    }
+
+    /// What refuses this checkpoint to a scene of another hash.
+    pub fn of_another_scene(&self, scene_hash: &str) -> Error {
+        let what = format!(
+            "is the checkpoint of another scene (hash {:.12}.., this scene {scene_hash:.12}..)",
+            self.stamp.scene_hash
+        );
+        let help = "restart with the scene.toml beside the checkpoint; `title`, `time.end`, `stop` and `output` may differ, and \
+                    `voidage run` takes changes of many other keys by --set";
+        Error::input(Notice::new(what, help).within(self.path.display()))
+    }
+
+    /// Reads a checkpoint of any scene.
+    pub fn open(path: &Path) -> Result<Checkpoint> {
         let wrong = |what: &str, help: &str| Error::input(Notice::new(what, help).within(path.display()));
         const FILE: &str = "give a file such as OUT/checkpoint.voidage";
         const EARLIER: &str = "use an earlier one";
@@ -93,16 +113,6 @@ impl Checkpoint {
         let (state, recorder) = parts.split_at(state);
         if checksum(head, state, recorder) != sum {
             return Err(wrong("the checkpoint is damaged: its checksum is wrong", EARLIER));
-        }
-        if stamp.scene_hash != scene_hash {
-            let what = format!(
-                "is the checkpoint of another scene (hash {:.12}.., this scene {scene_hash:.12}..)",
-                stamp.scene_hash
-            );
-            return Err(wrong(
-                &what,
-                "restart with the scene.toml beside the checkpoint; only `title`, `time.end` and `output` may differ",
-            ));
         }
         Ok(Checkpoint { stamp, path: path.to_path_buf(), state: state.to_vec(), recorder: recorder.to_vec() })
     }

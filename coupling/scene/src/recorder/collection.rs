@@ -31,6 +31,11 @@ impl Collection {
         Ok(collection)
     }
 
+    /// Whether a file of this name is one of the frames.
+    pub fn has(&self, name: &str) -> bool {
+        self.entries.iter().any(|(_, file)| file.file_name().is_some_and(|frame| frame == name))
+    }
+
     /// Number of frames.
     pub fn len(&self) -> usize {
         self.entries.len()

@@ -5,13 +5,21 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use voidage_coupling::error::{Error, Result};
 
-/// Writes a file beside its place and renames it: a reader sees the old file or the new one, never half of it.
+/// What the names of unfinished files begin with.
+pub(super) const TEMPORARY: &str = ".voidage-";
+
+/// Writes a file beside its place and renames it: a reader sees the old file or the new one, never half of it,
+/// even where the machine goes off.
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let attempt = || {
-        let mut file = BufWriter::with_capacity(1 << 18, tempfile::NamedTempFile::new_in(folder)?);
+        let mut file = BufWriter::with_capacity(
+            1 << 18,
+            tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(folder)?,
+        );
         write(&mut file)?;
         let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
+        file.as_file().sync_all()?;
         set_usual_permissions(file.path())?;
         file.persist(path).map_err(|error| error.error)?;
         Ok(())

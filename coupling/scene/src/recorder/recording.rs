@@ -1,17 +1,29 @@
 //! All files of one run, written when they are due.
 
 use super::{
-    Averages, Checkpoint, Collection, Column, FluidView, GrainView, Series, Stamp, View, create_folder,
-    with_unit, write_grains, write_mesh, write_whole,
+    Averages, Checkpoint, Collection, Column, FluidView, GrainView, OutputFolder, Series, Stamp, View,
+    create_folder, with_unit, write_grains, write_mesh, write_whole,
 };
 use crate::{Output, Scene};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use voidage_coupling::error::Result;
 
 /// Name of the checkpoint in the folder of a run.
 pub const CHECKPOINT: &str = "checkpoint.voidage";
+
+/// Name of the state that a run left which failed.
+pub const FAILED: &str = "failed.voidage";
+
+/// What a checkpoint has beside the state of the simulation.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Kept {
+    /// The averages so far.
+    pub averages: Option<Averages>,
+    /// What decides the course of the run, [`Scene::course_toml`].
+    pub course: String,
+}
 
 /// What is due at a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,10 +56,11 @@ pub type Reading = (Cow<'static, str>, f64);
 /// The files of a run.
 #[derive(Debug)]
 pub struct Recording {
-    folder: PathBuf,
+    folder: OutputFolder,
     output: Output,
     step: f64,
     last_step: u64,
+    course: String,
     series: Series,
     grains: Collection,
     fluid: Collection,
@@ -55,60 +68,65 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Starts the files of a run: the scene as resolved, and what is due at time 0.
+    /// Starts the files of a run: the scene as resolved, and what is due at time 0. Those of an earlier run are removed. From a
+    /// checkpoint of a run in another folder it starts with a frame of then, and the series with the step after it.
     pub fn start<const D: usize>(
-        folder: &Path,
+        folder: OutputFolder,
         scene: &Scene,
         view: &View<D>,
         readings: &[Reading],
+        checkpoint: Option<&Checkpoint>,
     ) -> Result<Recording> {
-        create_folder(&folder.join("frames"))?;
-        let columns = columns(scene, view, readings);
-        let series = Series::create(&folder.join("series.csv"), &columns)?;
-        let grains = Collection::new(&folder.join("grains.pvd"));
-        let fluid = Collection::new(&folder.join("fluid.pvd"));
-        let averages = averages(scene, view);
-        let mut recording = Recording::new(folder, scene, series, (grains, fluid), averages)?;
-        recording.record(0, 0.0, view, readings)?;
+        folder.clear()?;
+        let at = |name: &str| folder.path().join(name);
+        create_folder(&at("frames"))?;
+        let series = Series::create(&at("series.csv"), &columns(scene, view, readings))?;
+        let collections = (Collection::new(&at("grains.pvd")), Collection::new(&at("fluid.pvd")));
+        let averages = kept_averages(scene, view, checkpoint)?;
+        let mut recording = Recording::new(folder, scene, series, collections, averages)?;
+        match checkpoint {
+            None => drop(recording.record(0, 0.0, view, readings)?),
+            Some(from) => recording.frame(from.stamp.step, from.stamp.time, view)?,
+        }
         Ok(recording)
     }
 
     /// Goes on with the files of an earlier run, cut back to the time of the checkpoint.
     pub fn resume<const D: usize>(
-        folder: &Path,
+        folder: OutputFolder,
         scene: &Scene,
         view: &View<D>,
         readings: &[Reading],
         checkpoint: &Checkpoint,
     ) -> Result<Recording> {
-        create_folder(&folder.join("frames"))?;
+        let at = |name: &str| folder.path().join(name);
+        create_folder(&at("frames"))?;
         let time = checkpoint.stamp.time;
-        let series = Series::resume(&folder.join("series.csv"), &columns(scene, view, readings), time)?;
-        let grains = Collection::resume(&folder.join("grains.pvd"), time)?;
-        let fluid = Collection::resume(&folder.join("fluid.pvd"), time)?;
-        let fresh = averages(scene, view);
-        let kept: Option<Averages> = checkpoint.recorder()?;
-        let averages = match (fresh, kept) {
-            (Some(fresh), Some(kept)) if kept.same_grid(&fresh) => Some(kept),
-            (fresh, _) => fresh,
-        };
-        Recording::new(folder, scene, series, (grains, fluid), averages)
+        let series = Series::resume(&at("series.csv"), &columns(scene, view, readings), time)?;
+        let grains = Collection::resume(&at("grains.pvd"), time)?;
+        let fluid = Collection::resume(&at("fluid.pvd"), time)?;
+        folder.reopen(|frame| grains.has(frame) || fluid.has(frame))?;
+        let averages = kept_averages(scene, view, Some(checkpoint))?;
+        let recording = Recording::new(folder, scene, series, (grains, fluid), averages)?;
+        recording.write_averages()?;
+        Ok(recording)
     }
 
     fn new(
-        folder: &Path,
+        folder: OutputFolder,
         scene: &Scene,
         series: Series,
         (grains, fluid): (Collection, Collection),
         averages: Option<Averages>,
     ) -> Result<Recording> {
         let text = scene.to_toml()?;
-        write_whole(&folder.join("scene.toml"), |file| file.write_all(text.as_bytes()))?;
+        write_whole(&folder.path().join("scene.toml"), |file| file.write_all(text.as_bytes()))?;
         Ok(Recording {
-            folder: folder.to_path_buf(),
+            folder,
             output: scene.output.clone(),
             step: scene.time.step,
             last_step: scene.time.steps(),
+            course: scene.course_toml()?,
             series,
             grains,
             fluid,
@@ -118,7 +136,7 @@ impl Recording {
 
     /// The folder of the run.
     pub fn folder(&self) -> &Path {
-        &self.folder
+        self.folder.path()
     }
 
     /// What is due after this many steps.
@@ -148,21 +166,20 @@ impl Recording {
         (interval / self.step).round().max(1.0) as u64
     }
 
-    /// Writes what is due after this many steps, but for the checkpoint. The readings must be those of the start, in order.
+    /// Writes what is due after this many steps, but for the checkpoint; returns the row of the series, if one is due. The readings must be
+    /// those of the start, in order.
     pub fn record<const D: usize>(
         &mut self,
         step: u64,
         time: f64,
         view: &View<D>,
         readings: &[Reading],
-    ) -> Result<()> {
+    ) -> Result<Vec<Reading>> {
         let due = self.due(step);
+        let mut row = vec![];
         if due.series {
-            let row: Vec<f64> = self::readings(&self.output, time, view, readings)
-                .into_iter()
-                .map(|(_, value)| value)
-                .collect();
-            self.series.row(&row)?;
+            row = self::readings(&self.output, time, view, readings);
+            self.series.row(&row.iter().map(|(_, value)| *value).collect::<Vec<f64>>())?;
         }
         if due.average
             && let (Some(averages), Some(grains)) = (&mut self.averages, view.grains)
@@ -172,33 +189,73 @@ impl Recording {
         if due.frame {
             self.frame(step, time, view)?;
         }
-        Ok(())
+        Ok(row)
     }
 
     /// Writes a ParaView frame, unless this time has one.
     pub fn frame<const D: usize>(&mut self, step: u64, time: f64, view: &View<D>) -> Result<()> {
         if let Some(grains) = view.grains.filter(|_| self.grains.last_time() != Some(time)) {
             let name = PathBuf::from(format!("frames/grains-{step:08}.vtp"));
-            grains.write(&self.folder.join(&name))?;
+            grains.write(&self.folder().join(&name))?;
             self.grains.push(time, name)?;
         }
         if let Some(fluid) = view.fluid.filter(|_| self.fluid.last_time() != Some(time)) {
             let name = PathBuf::from(format!("frames/fluid-{step:08}.vtu"));
-            fluid.write(&self.folder.join(&name))?;
+            fluid.write(&self.folder().join(&name))?;
             self.fluid.push(time, name)?;
         }
         Ok(())
     }
 
+    /// What a checkpoint has of this run beside the state of the simulation.
+    pub fn kept(&self) -> Kept {
+        Kept { averages: self.averages.clone(), course: self.course.clone() }
+    }
+
     /// Writes the checkpoint, and the averages so far.
+    ///
+    /// # Errors
+    /// They cannot be written, or somebody else has changed the series.
     pub fn checkpoint(&self, stamp: &Stamp, state: &impl Serialize) -> Result<PathBuf> {
-        let path = self.folder.join(CHECKPOINT);
-        Checkpoint::write(&path, stamp, state, &self.averages)?;
-        if let Some(averages) = self.averages.as_ref().filter(|averages| averages.samples() > 0) {
-            averages.write(&self.folder.join("averages.csv"))?;
-        }
+        self.series.check()?;
+        let path = self.folder().join(CHECKPOINT);
+        Checkpoint::write(&path, stamp, state, &self.kept())?;
+        self.write_averages()?;
         Ok(path)
     }
+
+    /// Writes the state that a run leaves which failed; the checkpoint before it stays.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn failed(&self, stamp: &Stamp, state: &impl Serialize) -> Result<PathBuf> {
+        let path = self.folder().join(FAILED);
+        Checkpoint::write(&path, stamp, state, &self.kept())?;
+        self.write_averages()?;
+        Ok(path)
+    }
+
+    fn write_averages(&self) -> Result<()> {
+        match self.averages.as_ref().filter(|averages| averages.samples() > 0) {
+            Some(averages) => averages.write(&self.folder().join("averages.csv")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The averages to go on with: those of the checkpoint, where they are of the same grid.
+fn kept_averages<const D: usize>(
+    scene: &Scene,
+    view: &View<D>,
+    checkpoint: Option<&Checkpoint>,
+) -> Result<Option<Averages>> {
+    let fresh = averages(scene, view);
+    let Some(checkpoint) = checkpoint else { return Ok(fresh) };
+    let kept: Kept = checkpoint.recorder()?;
+    Ok(match (fresh, kept.averages) {
+        (Some(fresh), Some(kept)) if kept.same_grid(&fresh) => Some(kept),
+        (fresh, _) => fresh,
+    })
 }
 
 fn columns<const D: usize>(scene: &Scene, view: &View<D>, readings: &[Reading]) -> Vec<String> {

@@ -29,7 +29,8 @@ impl Series {
             return Series::create(path, columns);
         }
         let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, "read", error))?;
-        let mut lines = text.lines();
+        // A row without its end may have lost digits of its last number.
+        let mut lines = text[..text.rfind('\n').map_or(0, |end| end + 1)].lines();
         let header = lines.next().unwrap_or("");
         if header != columns.join(",") {
             let what = format!(
@@ -56,6 +57,20 @@ impl Series {
         let length =
             file.seek(std::io::SeekFrom::End(0)).map_err(|error| Error::file(path, "write", error))?;
         Ok(Series { path: path.to_path_buf(), file, columns: columns.to_vec(), length })
+    }
+
+    /// Whether the file is as this process left it.
+    ///
+    /// # Errors
+    /// Somebody has removed or changed it.
+    pub fn check(&self) -> Result<()> {
+        let length = std::fs::metadata(&self.path).map(|data| data.len());
+        if length.as_ref().ok() == Some(&self.length) {
+            return Ok(());
+        }
+        let what = if length.is_err() { "removed" } else { "changed" };
+        let what = format!("{}: somebody has {what} it while the run wrote it", self.path.display());
+        Err(Error::run(Notice::new(what, "run again, and leave the folder alone until it ends")))
     }
 
     /// The columns.

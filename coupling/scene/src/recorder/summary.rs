@@ -11,6 +11,15 @@ use voidage_coupling::error::{Error, Result};
 pub struct Summary {
     /// How it ended: `done`, `interrupted` or `failed`.
     pub outcome: String,
+    /// What ended it before `time.end`, if it is done; what failed, if it failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// The checkpoint that it went on from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restarted_from: Option<String>,
+    /// Keys of the scene that had other values when that checkpoint was written.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<String>,
     /// Steps done, those before a restart included.
     pub steps: u64,
     /// Steps done by this process.

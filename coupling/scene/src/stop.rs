@@ -1,0 +1,112 @@
+//! What ends a run before its time.
+
+use crate::recorder::Reading;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What ends a run before `time.end`, whichever comes first; the run is then done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Stop {
+    /// The grains are at rest. Default: not asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_rest: Option<AtRest>,
+    /// A column of `series.csv` reaches a value; asked at each row. Default: not asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub value: Option<Reached>,
+    /// Longest time that the run may take on the clock on the wall, s, from its own start. Above 0. Default: any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wall_time: Option<f64>,
+}
+
+/// Grains at rest: none is faster than `speed` for as long as `during`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AtRest {
+    /// Bound of the speed of the fastest grain, m/s. Above 0.
+    pub speed: f64,
+    /// How long no grain may be faster, s: a grain at the top of its flight is not at rest. Above 0.
+    pub during: f64,
+}
+
+/// A value of the time series; one of `above` and `below`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Reached {
+    /// Name of the column, such as `mean_grain_temperature_K`.
+    pub column: String,
+    /// The run ends when the column is above this.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub above: Option<f64>,
+    /// The run ends when the column is below this.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub below: Option<f64>,
+}
+
+/// Whether a run that goes on has come to what ends it.
+#[derive(Clone, Debug, Default)]
+pub struct Watch {
+    stop: Stop,
+    /// Time since which no grain has been faster than allowed, s.
+    slow_since: Option<f64>,
+}
+
+impl Watch {
+    /// Begins to watch.
+    pub fn new(stop: Option<&Stop>) -> Self {
+        Self { stop: stop.cloned().unwrap_or_default(), slow_since: None }
+    }
+
+    /// After a step: why the run ends at `time`, s, if it does; `speed` is that of the fastest grain, m/s, `wall` the time since
+    /// the start, s.
+    pub fn after_step(&mut self, time: f64, speed: impl FnOnce() -> f64, wall: f64) -> Option<String> {
+        if let Some(AtRest { speed: bound, during }) = self.stop.at_rest {
+            // Written so that a speed that is no number is not at rest.
+            let slow = speed() <= bound;
+            self.slow_since = if slow { self.slow_since.or(Some(time)) } else { None };
+            if self.slow_since.is_some_and(|since| time - since >= during) {
+                return Some(format!(
+                    "stop.at_rest: no grain has been faster than {bound} m/s for {during} s"
+                ));
+            }
+        }
+        let limit = self.stop.wall_time.filter(|limit| wall >= *limit)?;
+        Some(format!("stop.wall_time: the run has taken {limit} s"))
+    }
+
+    /// The same with a row of the series.
+    pub fn after_row(&self, row: &[Reading]) -> Option<String> {
+        let Reached { column, above, below } = self.stop.value.as_ref()?;
+        let (_, value) = row.iter().find(|(name, _)| name == column)?;
+        let reached = above.is_some_and(|bound| *value > bound) || below.is_some_and(|bound| *value < bound);
+        reached.then(|| format!("stop.value: {column} = {value}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grains_are_at_rest_when_they_have_been_slow_for_long_enough() {
+        let stop = Stop { at_rest: Some(AtRest { speed: 0.1, during: 0.2 }), ..Stop::default() };
+        let mut watch = Watch::new(Some(&stop));
+        let speeds =
+            [(0.0, 0.0), (0.1, 0.05), (0.15, 0.2), (0.2, 0.05), (0.3, f64::NAN), (0.4, 0.0), (0.55, 0.1)];
+        assert!(speeds.iter().all(|(time, speed)| watch.after_step(*time, || *speed, 0.0).is_none()));
+        assert!(watch.after_step(0.65, || 0.1, 0.0).unwrap().starts_with("stop.at_rest"));
+    }
+
+    #[test]
+    fn values_and_wall_time_end_a_run() {
+        let value = Some(Reached { column: "x".into(), above: Some(1.0), below: Some(-1.0) });
+        let mut watch = Watch::new(Some(&Stop { value, wall_time: Some(5.0), ..Stop::default() }));
+        let row = |x: f64| vec![("time_s".into(), 9.0), ("x".into(), x)];
+        assert_eq!(
+            [0.0, 1.0, 2.0, -2.0, f64::NAN].map(|x| watch.after_row(&row(x)).is_some()),
+            [false, false, true, true, false]
+        );
+        assert!(watch.after_step(0.0, || 0.0, 4.9).is_none() && watch.after_step(0.0, || 0.0, 5.0).is_some());
+        assert!(Watch::new(None).after_row(&row(9.0)).is_none());
+    }
+}
