@@ -1,6 +1,5 @@
 //! The fluid of a scene: its solver, mesh and fields.
 
-use crate::{Notice, StepReport, TEMPERATURE};
 use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
 use crate::droplet::surface::Surface;
 use crate::droplet::wet::Taken;
@@ -9,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
 use crate::motion::{MeshMover, at};
 use crate::remesh::Remesher;
+use crate::{Notice, StepReport, TEMPERATURE};
 use std::borrow::Cow;
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::State;

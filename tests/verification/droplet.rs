@@ -115,11 +115,12 @@ fn closes(sets: &[&str], steps: u32) -> Simulation {
         let_out += dt * of("flux_outflow_m2_per_s");
         let agreement = report.agreement.unwrap_or_default();
         (parts, solves) = (parts + agreement.parts, solves + agreement.solves);
-        crossed = crossed.max(run.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0, |wet| wet.len()));
+        crossed =
+            crossed.max(run.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0, |wet| wet.len()));
         let droplet = run.coupled().fluid().and_then(|fluid| fluid.droplet.as_deref()).expect("a droplet");
         let state = &droplet.state;
         let vapour = state.boiled * (958.4 / 1.204 - 1.0);
-        let weighs = 9.81 * first.mass * dt * f64::from(step);
+        let weighs = droplet.material.gravity.norm() * first.mass * dt * f64::from(step);
         let lacks = [
             ("water", of("droplet_water_defect_kg_per_m") / first.mass),
             ("momentum x", of("droplet_momentum_defect_x_N_s_per_m") / weighs),
@@ -133,7 +134,11 @@ fn closes(sets: &[&str], steps: u32) -> Simulation {
             assert!(lack.abs() < 1e-10, "{sets:?}, step {step}: {what} lacks {lack:e}");
         }
         // What is owed stays what some steps let through.
-        assert!(state.volume.abs() < 5.0 * vapour / f64::from(step), "{sets:?}, step {step}: {}", state.volume);
+        assert!(
+            state.volume.abs() < 5.0 * vapour / f64::from(step),
+            "{sets:?}, step {step}: {}",
+            state.volume
+        );
     }
     assert!(crossed > 50, "{sets:?}: only {crossed} grains were in the water");
     let cut = sets.iter().any(|set| set.contains("cut"));
@@ -146,11 +151,12 @@ fn closes(sets: &[&str], steps: u32) -> Simulation {
 #[test]
 fn the_books_of_a_whole_run_close_for_each_scheme() {
     // The scheme of a scene that names none is `iterated`.
-    closes(&[], 200);
+    // So light that it does not come to the floor.
+    closes(&["gravity=[0.0,-1.0]", "grains[0].velocity=[0.02,-0.05]"], 200);
     // So that it has to iterate.
     closes(&["coupling.iteration.tolerance=1e-6"], 20);
     closes(&["coupling.cut={travel=0.1}"], 20);
-    closes(&["coupling.scheme=\"anchored\""], 80);
+    closes(&["coupling.scheme=\"anchored\""], 60);
     closes(&["coupling.scheme=\"henry\""], 40);
 }
 
@@ -317,7 +323,9 @@ fn where_no_mesh_can_follow_the_droplet_an_error_says_when_where_and_what_to_do(
         let mut run = Simulation::new(&scene(&[&flies[..], &[&scheme]].concat())).expect("a valid scene");
         let before = reading(&run, "droplet_y_m");
         let error = run.step().expect_err("5 mm in a step").to_string();
-        for says in ["step 1, from t = 0", "5.000e-3 m in 5.000e-4 s", "at (", "turn over", "smaller time.step"] {
+        for says in
+            ["step 1, from t = 0", "5.000e-3 m in 5.000e-4 s", "at (", "turn over", "smaller time.step"]
+        {
             assert!(error.contains(says), "{scheme}: `{says}` is not in: {error}");
         }
         assert_eq!((run.time(), reading(&run, "droplet_y_m")), (0.0, before), "{scheme}");
@@ -439,7 +447,9 @@ fn the_page_names_tests_that_there_are() {
     let page = std::fs::read_to_string(root.join("cases/verification/README.md")).expect("the page");
     let (_, part) = page.split_once("## The droplet").expect("a part on the droplet");
     let part = part.split("\n## ").next().expect("text");
-    let numbered = |line: &&str| line.strip_prefix("| ").is_some_and(|row| row.starts_with(|c: char| c.is_ascii_digit()));
+    let numbered = |line: &&str| {
+        line.strip_prefix("| ").is_some_and(|row| row.starts_with(|c: char| c.is_ascii_digit()))
+    };
     let rows: Vec<&str> = part.lines().filter(numbered).collect();
     assert_eq!(rows.len(), 25, "{rows:?}");
     let places = [

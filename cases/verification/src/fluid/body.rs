@@ -284,7 +284,8 @@ fn tied() -> Result<(f64, f64)> {
         set.conditions = in_channel(body(motion));
         let mesh = mesh()?;
         let mut start = set.rest(&mesh, 0.0);
-        start.velocity = mesh.points.iter().map(|x| Vec2::new(0.1 * x.y.cos(), 0.1 * (x.x + x.y).sin())).collect();
+        start.velocity =
+            mesh.points.iter().map(|x| Vec2::new(0.1 * x.y.cos(), 0.1 * (x.x + x.y).sin())).collect();
         let clear = vec![1.0; mesh.points.len()];
         let mut flow = set.equations(mesh, start)?;
         flow.solve(dt, &clear, None, &set.conditions)?;
@@ -296,7 +297,10 @@ fn tied() -> Result<(f64, f64)> {
     };
     let (found, _, u, p) = solve(BodyMotion::free(mass / dt, gravity * mass))?;
     let (_, force, held_u, held_p) = solve(BodyMotion::Held(found))?;
-    let (fast, high) = (u.iter().fold(0.0, |most: f64, u| most.max(u.norm())), p.iter().fold(0.0, |most: f64, p| most.max(p.abs())));
+    let (fast, high) = (
+        u.iter().fold(0.0, |most: f64, u| most.max(u.norm())),
+        p.iter().fold(0.0, |most: f64, p| most.max(p.abs())),
+    );
     let off_u = u.iter().zip(&held_u).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).norm()));
     let off_p = p.iter().zip(&held_p).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs()));
     let lacks = found * (mass / dt) - gravity * mass - force;
@@ -318,7 +322,8 @@ fn grows(expansion: f64) -> Result<f64> {
     // The area of the polygon grows by twice itself over the radius of its corners.
     let part = mesh.boundary("disc")?;
     let corner = |node: u32| mesh.points[node as usize];
-    let area = part.facets.chunks_exact(2).map(|ends| corner(ends[0]).perp(&corner(ends[1])) / 2.0).sum::<f64>();
+    let area =
+        part.facets.chunks_exact(2).map(|ends| corner(ends[0]).perp(&corner(ends[1])) / 2.0).sum::<f64>();
     let growth = 2.0 * area.abs() * expansion / corner(part.facets[0]).norm();
     let points = mesh.points.clone();
     let mut velocity = vec![Vec2::zeros(); points.len()];
@@ -419,7 +424,12 @@ fn run(effort: Effort) -> Result<Outcome> {
     let (off, lacks) = tied()?;
     let what = "a free disc and its fluid beside those of a disc held at its velocity";
     outcome.findings.push(Finding::at_most(what, "1", 1e-9, off));
-    outcome.findings.push(Finding::at_most("what the motion of the free disc lacks", "its weight", 1e-9, lacks));
+    outcome.findings.push(Finding::at_most(
+        "what the motion of the free disc lacks",
+        "its weight",
+        1e-9,
+        lacks,
+    ));
 
     for expansion in [0.02, -0.02] {
         let what = format!("outflow by a disc that grows by {expansion} in radius");
