@@ -1,15 +1,14 @@
 //! The fluid of a scene: its solver, mesh and fields.
 
-use crate::StepReport;
-use crate::TEMPERATURE;
 use crate::backend::{FluidBackend, FluidStep, Immersed, Solution};
 use crate::droplet::surface::Surface;
 use crate::droplet::wet::Taken;
 use crate::droplet::{Droplet, DropletState};
 use crate::error::{Error, Result};
 use crate::exchange::OnMesh;
-use crate::motion::MeshMover;
+use crate::motion::{MeshMover, at};
 use crate::remesh::Remesher;
+use crate::{Notice, StepReport, TEMPERATURE};
 use std::borrow::Cow;
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::State;
@@ -181,6 +180,9 @@ impl<const D: usize> Fluid<D> {
         dt: f64,
         grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken,
     ) -> Result<()> {
+        if let Some(place) = self.turns_over(dt, &grains)? {
+            return Err(self.too_far(dt, &place));
+        }
         self.backend.accept();
         std::mem::swap(&mut self.accepted, &mut self.solution.fields);
         self.clock.time += dt;
@@ -191,17 +193,32 @@ impl<const D: usize> Fluid<D> {
         Ok(())
     }
 
-    /// Whether no cell of the mesh would turn over if the last solution, which was over `dt`, were accepted; `grains`
-    /// as in
-    /// [`Self::accept_around`].
+    /// A place where a cell of the mesh would turn over if the last solution, which was over `dt`, were accepted, if there is one; `grains`
+    /// as in [`Self::accept_around`].
     ///
     /// # Errors
     /// No radius of the droplet fits the volumes.
-    pub fn fits(&mut self, dt: f64, grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken) -> Result<bool> {
+    pub fn turns_over(
+        &mut self,
+        dt: f64,
+        grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken,
+    ) -> Result<Option<Vector<D>>> {
         match alive(&mut self.droplet) {
-            Some(droplet) => droplet.fits(dt, &mut self.mesh, grains),
-            None => Ok(true),
+            Some(droplet) => droplet.turns_over(dt, &mut self.mesh, grains),
+            None => Ok(None),
         }
+    }
+
+    /// The error of a droplet that would turn a cell over at a place.
+    pub(crate) fn too_far(&self, dt: f64, place: &Vector<D>) -> Error {
+        let way = self.droplet.as_ref().map_or(0.0, |droplet| droplet.travel(dt));
+        Error::run(Notice::new(
+            format!(
+                "the droplet moves {way:.3e} m in {dt:.3e} s: the cell of the mesh at {} would turn over, also of a new mesh",
+                at(place)
+            ),
+            "give a smaller time.step, or cut such steps: coupling.cut = {}; shorter edges cannot follow so far either",
+        ))
     }
 
     /// Puts another solver around the one that there is, which has its mesh.

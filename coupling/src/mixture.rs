@@ -276,11 +276,11 @@ impl<const D: usize> Mixture<D> {
         (droplet.travel(dt) / wet.smallest(), droplet.absorption * dt)
     }
 
-    /// Whether no cell of the mesh would turn over if the last solution of the fluid, which was over `dt`, were
-    /// accepted: a droplet moves the mesh.
-    pub(crate) fn droplet_fits(&mut self, dt: f64) -> Result<bool> {
+    /// A place where a cell of the mesh would turn over if the last solution of the fluid, which was over `dt`, were
+    /// accepted, if there is one: a droplet moves the mesh.
+    pub(crate) fn turns_over(&mut self, dt: f64) -> Result<Option<Vector<D>>> {
         let Self { grains, fluid, .. } = self;
-        fluid.fits(dt, taken(grains, fluid.droplet.as_deref()))
+        fluid.turns_over(dt, taken(grains, fluid.droplet.as_deref()))
     }
 
     /// Makes the last solution of the fluid the accepted one and moves the clock: the end of a step.

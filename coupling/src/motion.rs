@@ -1,9 +1,24 @@
 //! Meshes that move: the trait of what moves them, and a law of time that does.
 
-use crate::{Coupled, Fluid, Mixture, System};
+use crate::{Coupled, Fluid, Mixture, Notice, StepReport, System};
 use voidage_fluid::harmonic::harmonic;
 use voidage_fluid::mesh::Remeshed;
 use voidage_fluid::{Error, Mesh, Result, Vector};
+
+/// Share of its measure that a cell must keep in a step; where one would not, the domain is remeshed first.
+pub(crate) const LEAST_MEASURE: f64 = 0.1;
+
+/// A cell of a mesh whose nodes have moved that has kept less than a share of what it measured before, if there is one.
+pub(crate) fn crushed<const D: usize>(mesh: &Mesh<D>, before: &[f64], share: f64) -> Option<usize> {
+    let kept = |(cell, before): (usize, &f64)| mesh.measure(cell) > share * before;
+    before.iter().enumerate().position(|cell| !kept(cell))
+}
+
+/// A place for people to read, m.
+pub(crate) fn at<const D: usize>(place: &Vector<D>) -> String {
+    let numbers: Vec<String> = place.iter().map(|x| format!("{x:.4e}")).collect();
+    format!("({}) m", numbers.join(", "))
+}
 
 /// What moves the nodes of a mesh. Cells keep their nodes; where they come too far out of shape, a
 /// [`Remesher`](crate::remesh::Remesher) makes others between the nodes of the boundary, which stay.
@@ -174,6 +189,39 @@ impl<const D: usize> Coupled<D> {
     /// Puts a mesh that moves where it is now, after time was set.
     pub fn place_mesh(&mut self) {
         self.move_mesh(|motion, time, points| motion.place(time, points));
+    }
+
+    /// Moves the nodes by a step of `dt`; where a cell would turn over on the way, or nearly, the domain is remeshed before.
+    ///
+    /// # Errors
+    /// A cell turns over also of a new mesh; the nodes are where they were.
+    pub(crate) fn advance_mesh(&mut self, dt: f64, report: &mut StepReport) -> crate::Result<()> {
+        let Some(before) = self.fluid().filter(|fluid| fluid.motion.is_some()) else { return Ok(()) };
+        let (renews, before) = (before.remesher.is_some(), before.mesh.measures());
+        self.move_mesh(|motion, time, points| motion.advance(time, dt, points));
+        let crushed_by = |coupled: &Self, before: &[f64], share: f64| {
+            coupled.fluid().and_then(|fluid| crushed(&fluid.mesh, before, share))
+        };
+        // One mesh may do for a motion in which its cells become thin.
+        let found = crushed_by(self, &before, if renews { LEAST_MEASURE } else { 0.0 });
+        if found.is_none() {
+            return Ok(());
+        }
+        self.place_mesh();
+        match &mut self.system {
+            System::Grains(..) => {}
+            System::Fluid(fluid) => fluid.renew(report)?,
+            System::Mixture(mixture) => mixture.renew(report)?,
+        }
+        let before = self.fluid().map_or_else(Vec::new, |fluid| fluid.mesh.measures());
+        self.move_mesh(|motion, time, points| motion.advance(time, dt, points));
+        let Some(cell) = crushed_by(self, &before, 0.0) else { return Ok(()) };
+        self.place_mesh();
+        let place = self.fluid().map_or_else(Vector::zeros, |fluid| fluid.mesh.centroid(cell));
+        Err(crate::Error::run(Notice::new(
+            format!("the mesh moves so far in {dt:.3e} s that its cell at {} would turn over", at(&place)),
+            "give a smaller time.step, or a slower motion; fluid.mesh_motion.remesh makes new meshes between the steps",
+        )))
     }
 
     /// Moves the nodes. Schemes find the mesh where it is at the end of the step.

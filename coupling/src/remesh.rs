@@ -118,6 +118,9 @@ impl<const D: usize> Fluid<D> {
 
     /// Remeshes the domain before a cell turns over, with the fields that are accepted.
     pub(crate) fn renew(&mut self, report: &mut StepReport) -> Result<()> {
+        if self.remesher.is_none() {
+            return Ok(());
+        }
         let start = Instant::now();
         self.make_mesh(false)?;
         report.remeshed = true;

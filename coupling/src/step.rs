@@ -36,7 +36,7 @@ impl<const D: usize> Coupled<D> {
     /// does a step in parts), except that the grains' hints and load columns may be those of the failed step.
     pub fn step(&mut self, dt: f64) -> Result<StepReport> {
         let mut report = StepReport::default();
-        self.move_mesh(|motion, time, points| motion.advance(time, dt, points));
+        self.advance_mesh(dt, &mut report)?;
         match &mut self.system {
             System::Grains(grains, clock) => {
                 let start = Instant::now();
@@ -49,7 +49,7 @@ impl<const D: usize> Coupled<D> {
                     droplet.begin();
                 }
                 fluid.solve(dt, None, &mut report)?;
-                if !fluid.fits(dt, |_, _, _| Taken::default())? {
+                if fluid.turns_over(dt, |_, _, _| Taken::default())?.is_some() {
                     fluid.renew(&mut report)?;
                     fluid.solve(dt, None, &mut report)?;
                 }
@@ -57,7 +57,10 @@ impl<const D: usize> Coupled<D> {
                 fluid.clock.steps += 1;
             }
             System::Mixture(mixture) => {
+                let renewed = std::mem::take(&mut report);
                 report = self.scheme.step(mixture, dt)?;
+                report.remeshed |= renewed.remeshed;
+                report.phases.remesh += renewed.phases.remesh;
                 mixture.dismiss();
             }
         }

@@ -97,6 +97,84 @@ fn water_volume_momentum_and_heat_add_up_with_grains_crossing_the_surface() {
 }
 
 #[test]
+fn they_add_up_however_often_the_domain_is_remeshed() {
+    for every in [1, 25] {
+        add_up(&["coupling.scheme=\"henry\"", &format!("droplet.remesh.every={every}")], 26);
+    }
+}
+
+/// Runs a droplet through grains, and looks at the books only: what they lack, as a share of what passed, at the end of
+/// every step.
+fn closes(sets: &[&str], steps: u32) -> Simulation {
+    let mut run = Simulation::new(&scene(sets)).expect("a valid scene");
+    let (dt, first) = (5e-4, books(&mut run));
+    let (mut let_out, mut crossed, mut parts, mut solves) = (0.0, 0, 0, 0);
+    for step in 1..=steps {
+        let report = run.step().unwrap_or_else(|error| panic!("{sets:?}: {error}"));
+        let of = |name: &str| reading(&run, name);
+        let_out += dt * of("flux_outflow_m2_per_s");
+        let agreement = report.agreement.unwrap_or_default();
+        (parts, solves) = (parts + agreement.parts, solves + agreement.solves);
+        crossed =
+            crossed.max(run.coupled().interaction().and_then(|i| i.wet.as_ref()).map_or(0, |wet| wet.len()));
+        let droplet = run.coupled().fluid().and_then(|fluid| fluid.droplet.as_deref()).expect("a droplet");
+        let state = &droplet.state;
+        let vapour = state.boiled * (958.4 / 1.204 - 1.0);
+        let weighs = droplet.material.gravity.norm() * first.mass * dt * f64::from(step);
+        let lacks = [
+            ("water", of("droplet_water_defect_kg_per_m") / first.mass),
+            ("momentum x", of("droplet_momentum_defect_x_N_s_per_m") / weighs),
+            ("momentum y", of("droplet_momentum_defect_y_N_s_per_m") / weighs),
+            ("heat", of("droplet_heat_defect_J_per_m") / state.ledger.heat),
+            ("volume", (let_out - vapour + state.volume) / vapour),
+            ("momentum of the grains", of("momentum_exchange_defect")),
+            ("heat of the grains", of("energy_exchange_defect")),
+        ];
+        for (what, lack) in lacks {
+            assert!(lack.abs() < 1e-10, "{sets:?}, step {step}: {what} lacks {lack:e}");
+        }
+        // What is owed stays what some steps let through.
+        assert!(
+            state.volume.abs() < 5.0 * vapour / f64::from(step),
+            "{sets:?}, step {step}: {}",
+            state.volume
+        );
+    }
+    assert!(crossed > 50, "{sets:?}: only {crossed} grains were in the water");
+    let cut = sets.iter().any(|set| set.contains("cut"));
+    assert!(cut == (parts > steps as usize), "{sets:?}: {parts} parts");
+    let iterates = sets.iter().any(|set| set.contains("iteration"));
+    assert!(!iterates || solves > steps as usize, "{sets:?}: {solves} solutions");
+    run
+}
+
+#[test]
+fn the_books_of_a_whole_run_close_for_each_scheme() {
+    // The scheme of a scene that names none is `iterated`.
+    // So light that it does not come to the floor.
+    closes(&["gravity=[0.0,-1.0]", "grains[0].velocity=[0.02,-0.05]"], 200);
+    // So that it has to iterate.
+    closes(&["coupling.iteration.tolerance=1e-6"], 20);
+    closes(&["coupling.cut={travel=0.1}"], 20);
+    closes(&["coupling.scheme=\"anchored\""], 60);
+    closes(&["coupling.scheme=\"henry\""], 40);
+}
+
+#[test]
+fn the_books_show_an_impulse_and_a_heat_that_nobody_gave() {
+    let mut run = closes(&[], 4);
+    let fluid = run.coupled_mut().fluid_mut().expect("a fluid");
+    let droplet = fluid.live_droplet().expect("a droplet");
+    let (mass, joule) = (droplet.mass(), 1e-3);
+    droplet.state.velocity.x += 1e-3;
+    droplet.state.warmth += joule;
+    let found = reading(&run, "droplet_momentum_defect_x_N_s_per_m");
+    assert!((found / (1e-3 * mass) - 1.0).abs() < 1e-9, "{found} N s/m");
+    let found = reading(&run, "droplet_heat_defect_J_per_m");
+    assert!((found / joule - 1.0).abs() < 1e-9, "{found} J/m");
+}
+
+#[test]
 fn they_add_up_whatever_is_chosen() {
     for choice in [
         "droplet.grain_share=\"disc\"",
@@ -238,6 +316,23 @@ fn the_mesh_is_made_anew_before_a_cell_turns_over() {
 }
 
 #[test]
+fn where_no_mesh_can_follow_the_droplet_an_error_says_when_where_and_what_to_do() {
+    let flies = ["droplet.held=true", "droplet.velocity=[0.0,-10.0]"];
+    for scheme in ["henry", "iterated"] {
+        let scheme = format!("coupling.scheme={scheme:?}");
+        let mut run = Simulation::new(&scene(&[&flies[..], &[&scheme]].concat())).expect("a valid scene");
+        let before = reading(&run, "droplet_y_m");
+        let error = run.step().expect_err("5 mm in a step").to_string();
+        for says in
+            ["step 1, from t = 0", "5.000e-3 m in 5.000e-4 s", "at (", "turn over", "smaller time.step"]
+        {
+            assert!(error.contains(says), "{scheme}: `{says}` is not in: {error}");
+        }
+        assert_eq!((run.time(), reading(&run, "droplet_y_m")), (0.0, before), "{scheme}");
+    }
+}
+
+#[test]
 fn a_droplet_that_falls_on_the_floor_stops_above_it() {
     let low = "fluid.mesh.rectangle.holes=[{name=\"droplet\",centre=[0.003,0.0025],radius=1e-3,size=1.1e-4}]";
     let away = "grains[0].placement={lattice={lower=[0.0015,0.01],upper=[0.0045,0.0103],spacing=1.8}}";
@@ -247,6 +342,9 @@ fn a_droplet_that_falls_on_the_floor_stops_above_it() {
     assert!(y - radius > 1e-5 && y - radius < 1e-4, "the gap is {} m", y - radius);
     let speed = reading(&run, "droplet_velocity_y_m_per_s");
     assert!(speed.abs() < 5e-3, "{speed} m/s");
+    // What the floor gave it is in the books; its stiffness costs them some digits.
+    let lacks = reading(&run, "droplet_momentum_defect_y_N_s_per_m");
+    assert!(lacks.abs() < 1e-6 * 9.81 * 3.0 * run.time(), "{lacks} N s/m");
 }
 
 #[test]
@@ -287,23 +385,43 @@ fn a_hot_grain_in_a_held_droplet_boils_what_its_heat_can() {
     }
 }
 
+/// Grains in the water of a droplet, in a gas that is next to nothing, without weight or heat.
+const IN_WATER: [&str; 11] = [
+    "grains[0].placement={lattice={lower=[0.0027,0.008],upper=[0.0033,0.0085],spacing=1.5}}",
+    "grains[0].radius=5e-5",
+    "gravity=[0.0,0.0]",
+    "fluid.density=1e-7",
+    "fluid.viscosity=1e-12",
+    "fluid.heat.initial_temperature=373.15",
+    "fluid.heat.reference_temperature=373.15",
+    "fluid.boundaries[0].heat={open={temperature=373.15}}",
+    "fluid.boundaries[1].heat={temperature=373.15}",
+    "grains[0].temperature=373.15",
+    "coupling.scheme=\"henry\"",
+];
+
+#[test]
+fn grains_that_are_held_slow_a_droplet_as_implicit_drag_does() {
+    let moves = ["grains[0].velocity=[0.0,0.0]", "droplet.velocity=[0.0,0.001]"];
+    let mut run = Simulation::new(&scene(&[&IN_WATER[..], &moves].concat())).expect("a valid scene");
+    run.coupled_mut().grains_mut().expect("grains").particles.mass.fill(f64::INFINITY);
+    for _ in 0..3 {
+        let before = books(&mut run);
+        run.step().expect("a step");
+        let wet = run.coupled().interaction().and_then(|i| i.wet.as_ref()).expect("water");
+        let grains = run.coupled().grains().expect("grains").particles.len();
+        let drag: f64 = (0..grains).map(|i| wet.drag(i)).sum();
+        let a = 5e-4 * drag / before.mass;
+        let droplet = run.coupled().fluid().and_then(|fluid| fluid.droplet.clone()).expect("a droplet");
+        let ratio = droplet.state.velocity.y / before.velocity;
+        assert!((ratio * (1.0 + a) - 1.0).abs() < 1e-4 && a > 1e-3, "{ratio} where A = {a}");
+    }
+}
+
 #[test]
 fn water_and_grains_in_it_share_their_momentum_as_implicit_drag_does() {
-    // A gas that is next to nothing. Grains with a velocity in a droplet at rest: the slip falls by 1/(1 + A + B) in a step.
-    let sets = [
-        "grains[0].placement={lattice={lower=[0.0027,0.008],upper=[0.0033,0.0085],spacing=1.5}}",
-        "grains[0].velocity=[0.0,0.001]",
-        "grains[0].radius=5e-5",
-        "gravity=[0.0,0.0]",
-        "fluid.density=1e-7",
-        "fluid.viscosity=1e-12",
-        "fluid.heat.initial_temperature=373.15",
-        "fluid.heat.reference_temperature=373.15",
-        "fluid.boundaries[0].heat={open={temperature=373.15}}",
-        "fluid.boundaries[1].heat={temperature=373.15}",
-        "grains[0].temperature=373.15",
-        "coupling.scheme=\"henry\"",
-    ];
+    // Grains with a velocity in a droplet at rest: the slip falls by 1/(1 + A + B) in a step.
+    let sets = [&IN_WATER[..], &["grains[0].velocity=[0.0,0.001]"]].concat();
     let mut run = Simulation::new(&scene(&sets)).expect("a valid scene");
     for _ in 0..3 {
         let before = books(&mut run);
@@ -319,5 +437,41 @@ fn water_and_grains_in_it_share_their_momentum_as_implicit_drag_does() {
         let ratio = (now - droplet.state.velocity.y) / slip;
         assert!((ratio * (1.0 + a + b) - 1.0).abs() < 1e-4, "{ratio} where A = {a}, B = {b}");
         assert!(a > 1e-3 && b > 0.05, "A = {a}, B = {b}: the test sees little");
+    }
+}
+
+/// The page of verification says which test has what is known of a droplet: they are all there.
+#[test]
+fn the_page_names_tests_that_there_are() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let page = std::fs::read_to_string(root.join("cases/verification/README.md")).expect("the page");
+    let (_, part) = page.split_once("## The droplet").expect("a part on the droplet");
+    let part = part.split("\n## ").next().expect("text");
+    let numbered = |line: &&str| {
+        line.strip_prefix("| ").is_some_and(|row| row.starts_with(|c: char| c.is_ascii_digit()))
+    };
+    let rows: Vec<&str> = part.lines().filter(numbered).collect();
+    assert_eq!(rows.len(), 25, "{rows:?}");
+    let places = [
+        "tests/verification/droplet.rs",
+        "tests/verification/droplet_choices.rs",
+        "tests/verification/grains.rs",
+        "tests/cost/unneeded.rs",
+        "coupling/scene/src/tests.rs",
+        "coupling/src/droplet/surface.rs",
+        "tests/python/test_compare.py",
+        "cases/verification/src/fluid/body.rs",
+        "cases/verification/src/fluid/stefan.rs",
+        "cases/verification/src/fluid/half_plane.rs",
+    ];
+    let sources = places.map(|place| std::fs::read_to_string(root.join(place)).expect("a source"));
+    for row in rows {
+        let cell = row.trim_matches('|').rsplit('|').next().expect("a cell");
+        let names: Vec<&str> = cell.split('`').skip(1).step_by(2).collect();
+        assert!(!names.is_empty(), "no test in: {row}");
+        for name in names {
+            let there = |start: &str| sources.iter().any(|source| source.contains(&format!("{start}{name}")));
+            assert!(there("fn ") || there("def ") || there("name: \""), "there is no `{name}`: {row}");
+        }
     }
 }

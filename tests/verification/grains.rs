@@ -248,6 +248,36 @@ fn cohesion_holds_up_to_its_force() {
     }
 }
 
+/// Grains of 55 um under one that is held, as many as F_c0 of Henry et al. carries (Table 2): 21 of porous grains
+/// and 10 of full ones, whatever the step. One more falls, with all that hang below the contact that gives way.
+#[test]
+fn a_chain_hangs_as_long_as_cohesion_carries_its_weight() {
+    let (radius, material) = (27.5e-6, rubbing(0.3));
+    let falls = |count: usize, solidity: f64, dt: f64| {
+        let places = (0..=count).map(|k| v(0.0, -2.0 * radius * k as f64)).collect();
+        let mut grains = discs(places, radius, &material);
+        let mass = 3200.0 * solidity * std::f64::consts::PI * radius * radius;
+        grains.mass.fill(mass);
+        grains.mass[0] *= 1e12; // held by its inertia
+        let cohesion = Some(voidage_dem::Cohesion { force: 7.5e-4, age: 2.5 * dt });
+        let settings = Settings { gravity: V::zeros(), cohesion, tolerance: 1e-10, ..Settings::default() };
+        let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
+        let mut load = Load::default();
+        (0..4).for_each(|_| assert!(dem.step(dt, &load).converged));
+        let pull: Vec<V> = (0..=count).map(|k| v(0.0, if k == 0 { 0.0 } else { -mass * G })).collect();
+        load.force = &pull;
+        (0..10).for_each(|_| assert!(dem.step(dt, &load).converged));
+        // Half of what a thousandth of the weight gives in ten steps.
+        dem.particles.velocity[count][1].abs() > 0.5e-3 * G * 10.0 * dt
+    };
+    for (solidity, most) in [(0.476, 21), (1.0, 10)] {
+        for dt in [3e-5, 16.0 * 3e-5] {
+            assert!(!falls(most, solidity, dt), "{most} grains fall, dt {dt}");
+            assert!(falls(most + 1, solidity, dt), "{} grains hang, dt {dt}", most + 1);
+        }
+    }
+}
+
 /// Beside fine grains a wide disc has tiles and bounds of velocities of its own: flying into them by three of their diameters in one
 /// sub-step, it meets all that are in its way, those that lie still far from it look for nobody, and momentum stays.
 #[test]

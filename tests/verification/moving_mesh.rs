@@ -345,6 +345,39 @@ fn remeshing_follows_what_one_mesh_cannot() {
     assert!(totals.solid_volume_defect.expect("both") < 1e-12);
 }
 
+/// A rod that oscillates so fast that only a mesh made anew within the step can follow.
+#[test]
+fn the_domain_is_remeshed_before_a_step_turns_a_cell_over() {
+    // Nothing else remeshes.
+    let never =
+        ["fluid.mesh_motion.amplitude=[1.5e-2, 0.0]", "fluid.mesh_motion.remesh={every=1000000,angle=0.0}"];
+    let mut bed = Simulation::new(&swinging_bed(&never)).expect("a valid scene");
+    let mut made = 0;
+    for _ in 0..25 {
+        made += u32::from(bed.step().expect("a step").remeshed);
+        let mesh = &bed.coupled().fluid().expect("a fluid").mesh;
+        assert!(mesh.measures().iter().all(|area| *area > 0.0), "a cell has turned over");
+        let whole = 0.06 * 0.08 - 0.5 * 16.0 * (2.0 * PI / 16.0).sin() * 0.008_f64.powi(2);
+        assert!((mesh.volume() / whole - 1.0).abs() < 0.01, "{}", mesh.volume());
+    }
+    assert!((1..20).contains(&made), "{made} new meshes");
+    // In a step of a quarter of its period no mesh can.
+    let far = [&never[..], &["time.step=1.25e-2"]].concat();
+    let mut bed = Simulation::new(&swinging_bed(&far)).expect("a valid scene");
+    let middle = |bed: &Simulation| {
+        let mesh = &bed.coupled().fluid().expect("a fluid").mesh;
+        let nodes = &mesh.boundary("rod").expect("a rod").facets;
+        nodes.iter().map(|node| mesh.points[*node as usize]).sum::<Vec2>() / nodes.len() as f64
+    };
+    let rest = middle(&bed);
+    let error = bed.step().expect_err("too far").to_string();
+    for says in ["step 1, from t = 0", "in 1.250e-2 s", "cell at (", "turn over", "smaller time.step"] {
+        assert!(error.contains(says), "`{says}` is not in: {error}");
+    }
+    // The rod is where it was.
+    assert!((middle(&bed) - rest).norm() < 1e-15 && bed.time() == 0.0);
+}
+
 /// Interpolation keeps what is linear, so a uniform stream does not notice new meshes.
 #[test]
 fn a_uniform_stream_stays_uniform_when_the_domain_is_remeshed() {

@@ -463,6 +463,7 @@ impl Simulation {
 fn droplet_readings(droplet: &Droplet<2>, (dt, surface): (f64, f64), readings: &mut Vec<Reading>) {
     let (state, settled, material) = (&droplet.state, &droplet.settled, &droplet.material);
     let [x, y] = [state.centre[0], state.centre[1]];
+    let missed = droplet.momentum_defect();
     readings.extend([
         ("droplet_x_m".into(), x),
         ("droplet_y_m".into(), y),
@@ -489,6 +490,9 @@ fn droplet_readings(droplet: &Droplet<2>, (dt, surface): (f64, f64), readings: &
         ("droplet_water_defect_kg_per_m".into(), {
             material.water.density * (droplet.first - state.boiled - state.liquid)
         }),
+        ("droplet_momentum_defect_x_N_s_per_m".into(), missed.x),
+        ("droplet_momentum_defect_y_N_s_per_m".into(), missed.y),
+        ("droplet_heat_defect_J_per_m".into(), droplet.heat_defect()),
     ]);
 }
 

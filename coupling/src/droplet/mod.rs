@@ -88,8 +88,23 @@ pub struct DropletState<const D: usize> {
     pub volume: f64,
     /// Liquid that has boiled since time zero, m2.
     pub boiled: f64,
+    /// What it has got since time zero.
+    pub ledger: Ledger<D>,
     /// Whether it has boiled away, but for what is left of the liquid: there is gas in its place.
     pub gone: bool,
+}
+
+/// What a droplet has got from others since time zero, part by part of the steps: the other side of
+/// [`Droplet::momentum_defect`] and [`Droplet::heat_defect`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ledger<const D: usize> {
+    /// Impulse of the gas, the grains, its weight and the walls that stop it, N s/m; with it that of the grains which it
+    /// has swallowed and which the gas still owed them.
+    pub impulse: Vector<D>,
+    /// Momentum that its vapour took along, N s/m.
+    pub vapour: Vector<D>,
+    /// Heat of the gas and of the grains, J/m; with it that of grains that it has swallowed, as of the impulse.
+    pub heat: f64,
 }
 
 /// What a droplet did in the step in hand.
@@ -112,6 +127,8 @@ pub struct Droplet<const D: usize> {
     pub material: Material<D>,
     /// Liquid at time zero, m2.
     pub first: f64,
+    /// Velocity at time zero, m/s.
+    pub launched: Vector<D>,
     /// Where it is.
     pub state: DropletState<D>,
     /// What the grains in it did in the last step; zero without grains.
@@ -139,6 +156,8 @@ pub struct Droplet<const D: usize> {
     pub(crate) part: f64,
     /// Directions in which the boundary stops it in the step in hand, with the fastest that it may be there, m/s.
     stops: Vec<(Vector<D>, f64)>,
+    /// Force by which each stops it, over what it is faster, kg/s/m.
+    stiffness: f64,
     /// Velocity that the grains in it were expected to meet, m/s.
     before: Vector<D>,
 }
@@ -180,11 +199,13 @@ impl Droplet<2> {
             warmth: 0.0,
             volume: 0.0,
             boiled: 0.0,
+            ledger: Ledger { impulse: Vector::zeros(), vapour: Vector::zeros(), heat: 0.0 },
             gone: false,
         };
         let mut droplet = Self {
             boundary: boundary.into(),
             first: state.liquid,
+            launched: velocity,
             material,
             state,
             settled: Settled::default(),
@@ -201,6 +222,7 @@ impl Droplet<2> {
             given: 0.0,
             part: 1.0,
             stops: Vec::new(),
+            stiffness: 0.0,
             before: velocity,
         };
         droplet.put(&centre, radius, &mut mesh.points);
@@ -228,6 +250,24 @@ impl<const D: usize> Droplet<D> {
     /// Rate of vaporisation, kg/s/m.
     pub fn vaporisation(&self) -> f64 {
         self.state.vapour * self.material.vapour_density
+    }
+
+    /// Its momentum, that of its vapour and what grains still owe it, less what it had at time zero and has got since:
+    /// rounding, N s/m. Of a droplet that is held nothing is known of who holds it: zero.
+    pub fn momentum_defect(&self) -> Vector<D> {
+        if self.material.held {
+            return Vector::zeros();
+        }
+        let DropletState { velocity, impulse, ledger, .. } = &self.state;
+        let started = self.launched * (self.material.water.density * self.first);
+        velocity * self.mass() + ledger.vapour + impulse - started - ledger.impulse
+    }
+
+    /// Heat that its water boiled by and that grains still owe it, less what it has got since time zero: rounding, J/m.
+    pub fn heat_defect(&self) -> f64 {
+        let Material { water, latent_heat, .. } = &self.material;
+        let DropletState { boiled, warmth, ledger, .. } = &self.state;
+        latent_heat * water.density * boiled + warmth - ledger.heat
     }
 
     /// Length that edges should have at a point, m.

@@ -3,6 +3,7 @@
 use super::surface::Surface;
 use super::wet::{Immersion, Settled, Stream, Taken};
 use super::{Answer, Buoyancy, Droplet, DropletState, Material};
+use crate::motion::{LEAST_MEASURE, crushed};
 use crate::scheme::anchored::RETURNED;
 use crate::{Error, Notice, Result};
 use voidage_fluid::balance::Balance;
@@ -23,9 +24,6 @@ const CLOSES: f64 = 0.75;
 
 /// Stiffness of what stops a droplet, in its inertia.
 const STOP: f64 = 1e8;
-
-/// Share of its measure that a cell must keep when the droplet moves.
-const LEAST_MEASURE: f64 = 0.1;
 
 /// Share of the surface that is open to the gas at least, where its rate is found: discs may leave less.
 const LEAST_OPENING: f64 = 0.05;
@@ -123,6 +121,7 @@ impl<const D: usize> Droplet<D> {
             let force = (state.velocity * mass + state.impulse * returned) / dt + material.gravity * mass;
             let mut motion = BodyMotion::free(inertia, (force + immersion.force + pressed) / share);
             if let BodyMotion::Free { inertia: matrix, force } = &mut motion {
+                self.stiffness = STOP * inertia * share;
                 for (normal, fastest) in &self.stops {
                     *matrix += normal * normal.transpose() * (STOP * inertia);
                     *force += normal * (STOP * inertia * fastest);
@@ -191,7 +190,10 @@ impl<const D: usize> Droplet<D> {
 
     /// Ends it. What is left of the liquid stays in its books.
     pub(crate) fn vanish(&mut self) {
+        let mass = self.mass();
         let state = &mut self.state;
+        // What is left of the liquid takes its momentum along.
+        state.ledger.vapour += state.velocity * mass;
         (state.velocity, state.force) = (Vector::zeros(), Vector::zeros());
         (state.heat, state.vapour, state.gone) = (0.0, 0.0, true);
         (self.settled, self.absorption) = (Settled::default(), 0.0);
@@ -245,8 +247,11 @@ impl<const D: usize> Droplet<D> {
 
     /// Takes what the gas still had to give to a grain that the water has swallowed: impulse (N s) and heat (J) that the gas did not lose.
     pub(crate) fn inherit(&mut self, impulse: &Vector<D>, heat: f64) {
-        self.state.impulse -= impulse;
-        self.state.warmth -= heat;
+        let DropletState { impulse: owed, warmth, ledger, .. } = &mut self.state;
+        *owed -= impulse;
+        ledger.impulse -= impulse;
+        *warmth -= heat;
+        ledger.heat -= heat;
     }
 
     /// Where the step in hand, which was over `dt`, ends.
@@ -265,47 +270,49 @@ impl<const D: usize> Droplet<D> {
         Ok(End { rate, boils, place: Some((centre, radius)) })
     }
 
-    /// Whether no cell of the mesh would turn over if the step in hand, which was over `dt`, were accepted. `grains`
-    /// says what the grains take of a droplet.
+    /// A place where a cell of the mesh would turn over, or nearly, if the step in hand, which was over `dt`, were accepted;
+    /// none if all cells keep enough of themselves. `grains` says what the grains take of a droplet.
     ///
     /// # Errors
     /// No radius fits the volumes.
-    pub(crate) fn fits(
+    pub(crate) fn turns_over(
         &self,
         dt: f64,
         mesh: &mut Mesh<D>,
         grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken,
-    ) -> Result<bool> {
-        let End { place: Some((centre, radius)), .. } = self.end(dt, grains)? else { return Ok(true) };
+    ) -> Result<Option<Vector<D>>> {
+        let End { place: Some((centre, radius)), .. } = self.end(dt, grains)? else { return Ok(None) };
         let before = mesh.points.clone();
-        let measures: Vec<f64> = (0..mesh.cell_count()).map(|cell| mesh.measure(cell)).collect();
+        let measures = mesh.measures();
         self.drag_along(&centre, radius, &mut mesh.points);
-        let kept = |(cell, before): (usize, &f64)| mesh.measure(cell) >= LEAST_MEASURE * before;
-        let fits = measures.iter().enumerate().all(kept);
+        let crushed = crushed(mesh, &measures, LEAST_MEASURE);
         mesh.points = before;
-        Ok(fits)
+        Ok(crushed.map(|cell| mesh.centroid(cell)))
     }
 
     /// Moves by the step in hand, which was over `dt`: liquid, centre, radius and the nodes of the mesh. `grains`
     /// says what the grains take of such a droplet.
     ///
     /// # Errors
-    /// A cell of the mesh would turn over; no radius fits the volumes.
+    /// No radius fits the volumes.
     pub(crate) fn accept(
         &mut self,
         dt: f64,
         mesh: &mut Mesh<D>,
         grains: impl Fn(&Surface<D>, &Vector<D>, f64) -> Taken,
     ) -> Result<()> {
-        if !self.fits(dt, mesh, &grains)? {
-            return Err(Error::run(Notice::new(
-                "the droplet moves so far in a step that a cell of the mesh would turn over, also of a new mesh",
-                "give a smaller time.step, or cut such steps: coupling.cut = {}",
-            )));
-        }
         let End { rate, boils, place } = self.end(dt, &grains)?;
-        let (answer, density) = (self.answer, self.material.water.density);
+        let (answer, Material { water, gravity, .. }, settled) = (self.answer, &self.material, &self.settled);
+        let (density, mass) = (water.density, self.mass());
+        let stop = |(normal, fastest): &(Vector<D>, f64)| {
+            normal * (self.stiffness * (fastest - answer.velocity.dot(normal)))
+        };
+        let stopping = self.stops.iter().map(stop).sum::<Vector<D>>();
         let state = &mut self.state;
+        state.ledger.impulse +=
+            (answer.force + settled.force - settled.pressed + gravity * mass + stopping) * dt;
+        state.ledger.vapour += answer.velocity * (density * boils);
+        state.ledger.heat += (answer.heat + settled.heat) * dt;
         state.volume += dt * (answer.through + answer.vapour * self.arrives - rate / density);
         state.boiled += boils;
         state.liquid -= boils;

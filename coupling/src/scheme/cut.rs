@@ -150,7 +150,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             agreement.travel = agreement.travel.max(moved);
             // How much of what a part may do this one has done.
             let used = (agreement.travel / travel).max(absorbed / absorption);
-            let fits = mixture.droplet_fits(part.dt)?;
+            let fits = mixture.turns_over(part.dt)?.is_none();
             // Before a cell turns over the domain is remeshed, once, and the part done again.
             let renews = !fits && !renewed;
             let halves = length > 1 && !(agreement.converged && used <= 1.0 && fits);

@@ -56,6 +56,11 @@ impl<const D: usize> Mesh<D> {
         &self.cells[cell * (D + 1)..(cell + 1) * (D + 1)]
     }
 
+    /// [`Self::measure`] of each cell.
+    pub fn measures(&self) -> Vec<f64> {
+        (0..self.cell_count()).map(|cell| self.measure(cell)).collect()
+    }
+
     /// Area (2D) or volume (3D) of a cell: det of its edges from node 0, over D!; positive when well oriented.
     pub fn measure(&self, cell: usize) -> f64 {
         let nodes = self.cell(cell);

@@ -273,6 +273,72 @@ fn shifted() -> Result<f64> {
     Ok(changes.into_iter().fold(0.0, f64::max))
 }
 
+/// How far a free disc and its fluid are from the same disc held at the velocity that was found, as a share of the
+/// largest of pressures and velocities; and what its equation of motion then lacks, as a share of its weight. Together
+/// these are the rows of the system in which fluid and disc are tied.
+fn tied() -> Result<(f64, f64)> {
+    let mesh = || channel(3.0, 4.0, 0.2);
+    let (dt, mass, gravity) = (0.05, 20.0, Vec2::new(0.1, -0.3));
+    let mut set = FluidSet::new(1.3, 0.05);
+    let mut solve = |motion| {
+        set.conditions = in_channel(body(motion));
+        let mesh = mesh()?;
+        let mut start = set.rest(&mesh, 0.0);
+        start.velocity =
+            mesh.points.iter().map(|x| Vec2::new(0.1 * x.y.cos(), 0.1 * (x.x + x.y).sin())).collect();
+        let clear = vec![1.0; mesh.points.len()];
+        let mut flow = set.equations(mesh, start)?;
+        flow.solve(dt, &clear, None, &set.conditions)?;
+        let mut balances = vec![];
+        flow.balances(&clear, &set.conditions, &mut balances);
+        let velocity: Vec2 = flow.bodies().map(|body| body.velocity).sum();
+        let State { velocity: u, pressure, .. } = flow.solution().clone();
+        Ok::<_, voidage_coupling::Error>((velocity, balances[0].force, u, pressure))
+    };
+    let (found, _, u, p) = solve(BodyMotion::free(mass / dt, gravity * mass))?;
+    let (_, force, held_u, held_p) = solve(BodyMotion::Held(found))?;
+    let (fast, high) = (
+        u.iter().fold(0.0, |most: f64, u| most.max(u.norm())),
+        p.iter().fold(0.0, |most: f64, p| most.max(p.abs())),
+    );
+    let off_u = u.iter().zip(&held_u).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).norm()));
+    let off_p = p.iter().zip(&held_p).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs()));
+    let lacks = found * (mass / dt) - gravity * mass - force;
+    Ok(((off_u / fast).max(off_p / high), lacks.norm() / (gravity.norm() * mass)))
+}
+
+/// What leaves an open end over what a disc in the channel grows by, which its polygon says, 1/s for 1/s.
+fn grows(expansion: f64) -> Result<f64> {
+    let mut rectangle = channel_of(3.0, 4.0, 0.2);
+    rectangle.sides.right = Side::named("end");
+    let mesh = Mesh::rectangle(&rectangle)?;
+    let mut set = FluidSet::new(1.3, 0.05);
+    let disc = Body { expansion, ..disc_of(BodyMotion::Held(Vec2::zeros())) };
+    set.conditions = vec![
+        condition("disc", FlowCondition::Body(disc)),
+        condition("walls", FlowCondition::NoSlip),
+        condition("end", FlowCondition::Open { pressure: 0.0 }),
+    ];
+    // The area of the polygon grows by twice itself over the radius of its corners.
+    let part = mesh.boundary("disc")?;
+    let corner = |node: u32| mesh.points[node as usize];
+    let area =
+        part.facets.chunks_exact(2).map(|ends| corner(ends[0]).perp(&corner(ends[1])) / 2.0).sum::<f64>();
+    let growth = 2.0 * area.abs() * expansion / corner(part.facets[0]).norm();
+    let points = mesh.points.clone();
+    let mut velocity = vec![Vec2::zeros(); points.len()];
+    for node in part.facets.iter().map(|node| *node as usize) {
+        velocity[node] = points[node].normalize() * expansion;
+    }
+    let (start, clear) = (set.rest(&mesh, 0.0), vec![1.0; points.len()]);
+    let mut flow = set.equations(mesh, start)?;
+    flow.follow(Some(&MeshMotion { points: &points, velocity: &velocity }))?;
+    flow.solve(0.05, &clear, None, &set.conditions)?;
+    let mut balances = vec![];
+    flow.balances(&clear, &set.conditions, &mut balances);
+    Ok(balances[2].flux / growth)
+}
+
 /// Pressure at a disc that blows evenly into a bed of held points four times as wide, over kappa j r ln(R/r), kappa the drag per volume over the square of
 /// the voidage.
 fn bed_pressure(rings: usize) -> Result<f64> {
@@ -354,6 +420,21 @@ fn run(effort: Effort) -> Result<Outcome> {
 
     let what = "change of a boiling disc and the fluid around it by a velocity of all that moves";
     outcome.findings.push(Finding::at_most(what, "1", 1e-9, shifted()?));
+
+    let (off, lacks) = tied()?;
+    let what = "a free disc and its fluid beside those of a disc held at its velocity";
+    outcome.findings.push(Finding::at_most(what, "1", 1e-9, off));
+    outcome.findings.push(Finding::at_most(
+        "what the motion of the free disc lacks",
+        "its weight",
+        1e-9,
+        lacks,
+    ));
+
+    for expansion in [0.02, -0.02] {
+        let what = format!("outflow by a disc that grows by {expansion} in radius");
+        outcome.findings.push(Finding::relative(what, "its area", 1.0, grows(expansion)?, 1e-9));
+    }
 
     let pressure = bed_pressure(finest)?;
     let what = "pressure at a disc that blows into a bed four times as wide";
