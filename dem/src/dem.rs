@@ -359,7 +359,8 @@ impl<const D: usize> Dem<D> {
         self.measure_penetration(h, report);
     }
 
-    /// Adds the moments of the impulses on walls that turn, about their pivots, with grains and walls where the sub-step starts.
+    /// Adds the moments of the impulses on walls that turn, about their pivots, with grains and walls where the
+    /// sub-step starts.
     fn turn_walls(&mut self, search: &Search<D>, problem: &Problem<D>) {
         if !self.walls.iter().any(|wall| wall.pivot(self.time).is_some()) {
             return;
@@ -420,8 +421,8 @@ impl<const D: usize> Dem<D> {
         self.contact_heat.clone_from(&self.saved.contact_heat);
     }
 
-    /// Puts the means over several steps, that together were one, in the place of [`Self::wall_force`] (N), [`Self::wall_heat`]
-    /// (W) and [`Self::wall_torque`] (N m) of the last.
+    /// Puts the means over several steps, that together were one, in the place of [`Self::wall_force`] (N),
+    /// [`Self::wall_heat`] (W) and [`Self::wall_torque`] (N m) of the last.
     ///
     /// # Panics
     /// There are more or fewer than walls.
@@ -456,14 +457,14 @@ impl<const D: usize> Dem<D> {
         &self.wall_heat
     }
 
-    /// Mean moment of the forces of the grains on each wall that turns, about its pivot, over the last step, N m (per metre of depth),
-    /// counter-clockwise; zero of the others.
+    /// Mean moment of the forces of the grains on each wall that turns, about its pivot, over the last step, N m (per
+    /// metre of depth), counter-clockwise; zero of the others.
     pub fn wall_torque(&self) -> &[f64] {
         &self.wall_torque
     }
 
-    /// Whether [`Self::contacts`] lists those of the last sub-step: not at the start, after a restart, and in a step in which grains left, until
-    /// the next one.
+    /// Whether [`Self::contacts`] lists those of the last sub-step: not at the start, after a restart, and in a step
+    /// in which grains left, until the next one.
     pub fn knows_contacts(&self) -> bool {
         self.known
     }
@@ -485,8 +486,8 @@ impl<const D: usize> Dem<D> {
         })
     }
 
-    /// Contacts that carry a force in the last sub-step, with the heat that flows from the other side to the first grain (W; zero without
-    /// conduction).
+    /// Contacts that carry a force in the last sub-step, with the heat that flows from the other side to the first
+    /// grain (W; zero without conduction).
     pub fn carriers(&self) -> impl Iterator<Item = (Contact<D>, f64)> + '_ {
         let wall = |wall: u32| self.walls[wall as usize].temperature.unwrap_or(0.0);
         let mut heats = self.conductor.fluxes(wall).peekable();

@@ -161,8 +161,8 @@ impl Conductor {
         }
     }
 
-    /// Both sides of each conducting contact of the last step, in the order of the contacts, and the heat from the second to the first, W;
-    /// `wall` gives the temperature of a wall.
+    /// Both sides of each conducting contact of the last step, in the order of the contacts, and the heat from the
+    /// second to the first, W; `wall` gives the temperature of a wall.
     pub fn fluxes(&self, wall: impl Fn(u32) -> f64) -> impl Iterator<Item = (u32, u32, f64)> {
         self.links.iter().map(move |l| {
             let here = self.solution[l.i as usize];

@@ -6,9 +6,10 @@ use nalgebra::SMatrix;
 /// What the contacts that carry a force make of each grain, and of all together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stress<const D: usize> {
-    /// Sum over the contacts of each grain of `arm f^T`, arm from its centre to the contact and f the force on it, N m (N in the plane).
-    /// Over the volume of the grain it is its mean stress, positive in tension; over a volume that holds many grains the sum is the mean
-    /// stress of all that is in it (J. Christoffersen, M. M. Mehrabadi, S. Nemat-Nasser, J. Appl. Mech. 48, 339, 1981).
+    /// Sum over the contacts of each grain of `arm f^T`, arm from its centre to the contact and f the force on it, N
+    /// m (N in the plane). Over the volume of the grain it is its mean stress, positive in tension; over a volume
+    /// that holds many grains the sum is the mean stress of all that is in it (J. Christoffersen, M. M. Mehrabadi, S.
+    /// Nemat-Nasser, J. Appl. Mech. 48, 339, 1981).
     pub moment: Vec<SMatrix<f64, D, D>>,
     /// Contacts of each grain.
     pub coordination: Vec<u32>,

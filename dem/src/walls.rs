@@ -32,8 +32,8 @@ pub enum Motion<const D: usize> {
         /// Angular velocity, rad/s.
         rate: f64,
     },
-    /// By a table, linear between its rows and at rest before the first and after the last (plane only): a turn about a centre that is
-    /// carried along, both measured from where the wall is given.
+    /// By a table, linear between its rows and at rest before the first and after the last (plane only): a turn about
+    /// a centre that is carried along, both measured from where the wall is given.
     Table {
         /// Centre of the turn where the wall is given, m.
         centre: Vector<D>,

@@ -73,8 +73,8 @@ fn drawn(law: &SizeLaw, by: By, bounds: [f64; 2]) -> Vec<f64> {
     }
 }
 
-/// Largest distance between the shares below a radius, of number or of mass, and a law; and the distance that chance exceeds once in
-/// a hundred samples, 1.63 over the root of the number of grains that count.
+/// Largest distance between the shares below a radius, of number or of mass, and a law; and the distance that chance
+/// exceeds once in a hundred samples, 1.63 over the root of the number of grains that count.
 fn kolmogorov(radii: &[f64], by: By, law: impl Fn(f64) -> f64) -> [f64; 2] {
     let mut sorted = radii.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -38,8 +38,9 @@ pub struct Material {
 pub struct Grains {
     /// Name of one of the materials.
     pub material: String,
-    /// Radius, m: `{constant = r}`, in short `r`, `{uniform = [smallest, largest]}`, or a law of sizes by number or by mass: `{log-normal = {..}}`,
-    /// `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file, which has its own.
+    /// Radius, m: `{constant = r}`, in short `r`, `{uniform = [smallest, largest]}`, or a law of sizes by number or
+    /// by mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file, which has its
+    /// own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
     /// Share of the disc that is solid, above 0 up to 1: in a fluid 0.8165 makes the densest bed of discs as dense as one of
@@ -128,8 +129,8 @@ pub struct RosinRammler {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sieve {
-    /// Rows `[opening, share]`: opening of a sieve, m (a diameter, not a radius), and the share that passes it. Both increase, the share from 0 to 1; between two
-    /// sieves it grows linearly with the diameter.
+    /// Rows `[opening, share]`: opening of a sieve, m (a diameter, not a radius), and the share that passes it. Both
+    /// increase, the share from 0 to 1; between two sieves it grows linearly with the diameter.
     pub passing: Vec<[f64; 2]>,
     /// Whether shares are of the number of grains or of their mass: `"number"` or `"mass"`.
     pub by: By,
@@ -182,8 +183,8 @@ pub enum Placement {
     Random(RandomBox),
     /// Read from a file.
     Csv(GrainsFile),
-    /// Poured together with the grains of an earlier group, mixed at random: the number of that group, counted from 0. Both say by count or mass
-    /// how many they are.
+    /// Poured together with the grains of an earlier group, mixed at random: the number of that group, counted from
+    /// 0. Both say by count or mass how many they are.
     With(usize),
 }
 
@@ -334,14 +335,16 @@ pub enum Motion {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MotionTable {
-    /// Rows `[t, x, y, angle]`: time, s, which increases; the way of the centre from where it is given, m; the angle, rad, anticlockwise. With a file, the
-    /// rows are read from it.
+    /// Rows `[t, x, y, angle]`: time, s, which increases; the way of the centre from where it is given, m; the angle,
+    /// rad, anticlockwise. With a file, the rows are read from it.
     #[serde(default)]
     pub rows: Vec<[f64; 4]>,
-    /// CSV file with a header and the columns `t,x,y,angle`, path relative to the scene, instead of `rows`. Default: none.
+    /// CSV file with a header and the columns `t,x,y,angle`, path relative to the scene, instead of `rows`. Default:
+    /// none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// Centre of the turn where the wall is given, m; about it the torque in series.csv is. Default: the middle of the wall.
+    /// Centre of the turn where the wall is given, m; about it the torque in series.csv is. Default: the middle of
+    /// the wall.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub centre: Coordinates,
 }
@@ -408,8 +411,8 @@ pub struct Contacts {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pair {
-    /// Names of the two materials, of grains or walls; the same twice for grains of one material among themselves. What a wall says itself of its friction or
-    /// restitution goes before.
+    /// Names of the two materials, of grains or walls; the same twice for grains of one material among themselves.
+    /// What a wall says itself of its friction or restitution goes before.
     pub materials: [String; 2],
     /// Coulomb friction coefficient. Default: the smaller one of the two, and at a wall that of the wall.
     #[serde(default, skip_serializing_if = "Option::is_none")]

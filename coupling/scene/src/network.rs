@@ -18,9 +18,11 @@ pub(crate) type Since = BTreeMap<Identity, f64>;
 /// What of the contacts of the last sub-step is recorded.
 #[derive(Clone, Debug, Default)]
 pub struct Network {
-    /// Both ends of each contact, one after the other, m: the centres of two grains, or that of a grain and where it meets a wall.
+    /// Both ends of each contact, one after the other, m: the centres of two grains, or that of a grain and where it
+    /// meets a wall.
     pub ends: Vec<Vector<2>>,
-    /// Force along the normal, N per metre of depth, positive where it presses; all columns of contacts have each value twice, for both ends.
+    /// Force along the normal, N per metre of depth, positive where it presses; all columns of contacts have each
+    /// value twice, for both ends.
     pub normal_force: Vec<f64>,
     /// Amount of the force across the normal, N per metre of depth.
     pub tangential_force: Vec<f64>,
@@ -41,7 +43,8 @@ pub struct StressColumns {
     pub of_grains: [Vec<f64>; 4],
     /// Contacts of each grain that carry a force.
     pub coordination: Vec<f64>,
-    /// Stress of the grains per volume of grains and fluid at the nodes, Pa, averaged as the voidage is; empty without a fluid.
+    /// Stress of the grains per volume of grains and fluid at the nodes, Pa, averaged as the voidage is; empty
+    /// without a fluid.
     pub at_nodes: [Vec<f64>; 4],
     readings: Vec<Reading>,
 }

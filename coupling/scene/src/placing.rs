@@ -244,7 +244,8 @@ impl scene::Radius {
     }
 }
 
-/// The law of the radii of a group. Laws that mean nothing were refused before: a table that cannot be made is empty, which no fill takes.
+/// The law of the radii of a group. Laws that mean nothing were refused before: a table that cannot be made is empty,
+/// which no fill takes.
 fn radii(radius: &scene::Radius) -> Radii {
     let by = |by: scene::By| match by {
         scene::By::Number => By::Number,

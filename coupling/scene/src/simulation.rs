@@ -282,7 +282,8 @@ impl Simulation {
         )
     }
 
-    /// Computes the voidage of the grains where they are now, and what is recorded of their contacts, for [`Self::view`].
+    /// Computes the voidage of the grains where they are now, and what is recorded of their contacts, for
+    /// [`Self::view`].
     ///
     /// # Errors
     /// A grain is outside the mesh.

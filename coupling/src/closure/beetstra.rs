@@ -2,8 +2,8 @@
 
 use super::Surroundings;
 
-/// gamma / V = 18 eta eps F / d^2, F = 10 phi/eps^2 + eps^2 (1 + 1.5 sqrt(phi))
-/// + 0.413 Re_s / (24 eps^2) (1/eps + 3 phi eps + 8.4 Re_s^-0.343) / (1 + 10^(3 phi) Re_s^(-(1 + 4 phi)/2)).
+/// gamma / V = 18 eta eps F / d^2, F = 10 phi/eps^2 + eps^2 (1 + 1.5 sqrt(phi)) +
+/// 0.413 Re_s / (24 eps^2) (1/eps + 3 phi eps + 8.4 Re_s^-0.343) / (1 + 10^(3 phi) Re_s^(-(1 + 4 phi)/2)).
 pub fn drag(around: &Surroundings) -> f64 {
     let (eps, reynolds) = (around.voidage, around.superficial_reynolds());
     around.normalised(viscous(eps) + inertial(eps, reynolds))

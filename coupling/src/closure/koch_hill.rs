@@ -1,11 +1,12 @@
-//! Koch and Hill, Annu. Rev. Fluid Mech. 33, 619 (2001), with the viscous part of Koch and Sangani, J. Fluid Mech. 400, 229 (1999).
+//! Koch and Hill, Annu. Rev. Fluid Mech. 33, 619 (2001), with the viscous part of Koch and Sangani, J. Fluid Mech.
+//! 400, 229 (1999).
 
 use super::Surroundings;
 
 /// gamma / V = 18 eta eps^2 F / d^2, F = F_0 + F_3 Re_s/2.
 ///
-/// They print F with a Reynolds number of the radius, which is where the half comes from, and as all of the force on a grain;
-/// set I has the mean pressure gradient apart, hence one eps more than in [`Surroundings::normalised`].
+/// They print F with a Reynolds number of the radius, which is where the half comes from, and as all of the force on
+/// a grain; set I has the mean pressure gradient apart, hence one eps more than in [`Surroundings::normalised`].
 pub fn drag(around: &Surroundings) -> f64 {
     let eps = around.voidage;
     let force = viscous(1.0 - eps) + 0.5 * inertial(1.0 - eps) * around.superficial_reynolds();

@@ -47,8 +47,8 @@ impl Surroundings {
         self.voidage * self.reynolds()
     }
 
-    /// gamma / V, kg/m3/s, of a grain whose drag is `force` times Stokes' of a sphere in the superficial velocity, 3 pi eta d eps |u - v|:
-    /// 18 eta eps / d^2 times it.
+    /// gamma / V, kg/m3/s, of a grain whose drag is `force` times Stokes' of a sphere in the superficial velocity, 3
+    /// pi eta d eps |u - v|: 18 eta eps / d^2 times it.
     pub fn normalised(&self, force: f64) -> f64 {
         18.0 * self.viscosity * self.voidage * force / (self.diameter * self.diameter)
     }

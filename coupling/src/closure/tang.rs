@@ -2,11 +2,11 @@
 
 use super::{Surroundings, beetstra};
 
-/// gamma / V = 18 eta eps F / d^2, F = 10 phi/eps^2 + eps^2 (1 + 1.5 sqrt(phi))
-/// + Re_s (0.11 phi (1 + phi) - 0.00456/eps^4 + (0.169 eps + 0.0644/eps^4) Re_s^-0.343).
+/// gamma / V = 18 eta eps F / d^2, F = 10 phi/eps^2 + eps^2 (1 + 1.5 sqrt(phi)) +
+/// Re_s (0.11 phi (1 + phi) - 0.00456/eps^4 + (0.169 eps + 0.0644/eps^4) Re_s^-0.343).
 ///
-/// Fitted up to phi = 0.6 and Re_s = 1000. Beyond Re_s = 1000 the negative term grows; the value there is kept from going down by
-/// holding the factor of Re_s at its value at 1000.
+/// Fitted up to phi = 0.6 and Re_s = 1000. Beyond Re_s = 1000 the negative term grows; the value there is kept from
+/// going down by holding the factor of Re_s at its value at 1000.
 pub fn drag(around: &Surroundings) -> f64 {
     let (eps, reynolds) = (around.voidage, around.superficial_reynolds());
     let phi = 1.0 - eps;

@@ -27,8 +27,8 @@ pub fn voidage<const D: usize>(
     total
 }
 
-/// What bodies have, per volume at the nodes, averaged as the voidage is: sum_q A_q phi_a(x_q) / integral(phi_a), A_q the share of a piece
-/// in the `amount` of its body.
+/// What bodies have, per volume at the nodes, averaged as the voidage is: sum_q A_q phi_a(x_q) / integral(phi_a), A_q
+/// the share of a piece in the `amount` of its body.
 pub fn density<const D: usize>(
     mesh: &Mesh<D>,
     pieces: &Pieces<D>,

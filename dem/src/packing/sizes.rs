@@ -68,7 +68,8 @@ impl SizeLaw {
 }
 
 impl Radii {
-    /// Radii by a law of sizes that is cut at a smallest and a largest one, m (those of the table of a sieve are its own).
+    /// Radii by a law of sizes that is cut at a smallest and a largest one, m (those of the table of a sieve are its
+    /// own).
     ///
     /// # Errors
     /// Bounds that are not positive or upside down, and bounds that leave nothing of the law.

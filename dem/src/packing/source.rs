@@ -169,7 +169,8 @@ impl Radii {
     }
 }
 
-/// The grains of several fills in an order at random by a seed, to be placed together; a fill draws the radii that it would draw alone.
+/// The grains of several fills in an order at random by a seed, to be placed together; a fill draws the radii that it
+/// would draw alone.
 ///
 /// # Errors
 /// Those of a fill, and one of [`Amount::Fill`]: nobody knows how much of a mixture it is.

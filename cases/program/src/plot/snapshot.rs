@@ -242,7 +242,8 @@ pub fn draw(path: &Path, scene: &Scene, picture: &Picture, view: Option<&View>) 
     Ok(())
 }
 
-/// Draws the force chains of a moment: each contact as a bar as wide and as dark as its normal force; nothing where no contact presses.
+/// Draws the force chains of a moment: each contact as a bar as wide and as dark as its normal force; nothing where
+/// no contact presses.
 pub fn chains(path: &Path, scene: &Scene, moment: &Moment) -> Result<bool> {
     let picture = Picture::read(moment, None)?;
     let (Some(grains), Some(contacts)) = (&picture.grains, &moment.contacts) else { return Ok(false) };
