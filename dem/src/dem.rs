@@ -3,6 +3,7 @@
 use crate::bonds::Bonds;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
+use crate::laws::Laws;
 use crate::memory::{Memory, Record, WALL};
 use crate::parallel;
 use crate::particles::retain;
@@ -13,7 +14,7 @@ use crate::scene::Scene;
 use crate::search::Search;
 use crate::solver::Problem;
 use crate::walls::Placed;
-use crate::{Load, Material, Particles, Settings, StepReport, Vector, Wall};
+use crate::{Load, Material, Pair, Particles, Settings, Side, StepReport, Vector, Wall};
 use serde::{Deserialize, Serialize};
 
 mod contacts;
@@ -26,12 +27,15 @@ pub struct Dem<const D: usize> {
     walls: Vec<Wall<D>>,
     materials: Vec<Material>,
     settings: Settings<D>,
+    laws: Option<Laws>,
     time: f64,
     memory: Memory<D>,
     contact_force: Vec<Vector<D>>,
     contact_heat: Vec<f64>,
     wall_force: Vec<Vector<D>>,
     wall_heat: Vec<f64>,
+    /// Of walls that turn; zero of the others.
+    wall_torque: Vec<f64>,
     mean_velocity: Vec<Vector<D>>,
     mean_temperature: Vec<f64>,
     saved: Saved<D>,
@@ -40,6 +44,8 @@ pub struct Dem<const D: usize> {
     problem: Problem<D>,
     after: Vec<Vector<D>>,
     conductor: Conductor,
+    /// Whether the contacts of the last sub-step are at hand.
+    known: bool,
 }
 
 /// Everything that a bit-exact restart needs beside walls, materials and settings.
@@ -54,6 +60,7 @@ pub struct State<const D: usize> {
     contact_heat: Vec<f64>,
     wall_force: Vec<Vector<D>>,
     wall_heat: Vec<f64>,
+    wall_torque: Vec<f64>,
 }
 
 /// What a grain touches.
@@ -100,12 +107,14 @@ impl<const D: usize> Default for Dem<D> {
             walls: vec![],
             materials: vec![],
             settings: Settings::default(),
+            laws: None,
             time: 0.0,
             memory: Memory::default(),
             contact_force: vec![],
             contact_heat: vec![],
             wall_force: vec![],
             wall_heat: vec![],
+            wall_torque: vec![],
             mean_velocity: vec![],
             mean_temperature: vec![],
             saved: Saved::default(),
@@ -114,6 +123,7 @@ impl<const D: usize> Default for Dem<D> {
             problem: Problem::default(),
             after: vec![],
             conductor: Conductor::default(),
+            known: false,
         }
     }
 }
@@ -135,6 +145,17 @@ impl<const D: usize> Dem<D> {
         if D != 2 && !walls.is_empty() {
             return Err(Error::PlaneOnly("a wall from one point to another"));
         }
+        let known = |pair: &Pair| {
+            let other = match pair.other {
+                Side::Material(other) => (other as usize) < materials.len(),
+                Side::Wall(wall) => (wall as usize) < walls.len(),
+            };
+            other && (pair.material as usize) < materials.len()
+        };
+        if let Some(pair) = settings.pairs.iter().find(|pair| !known(pair)) {
+            return Err(Error::Scene(format!("{pair:?}: there is no such material or wall")));
+        }
+        let laws = Laws::new(&materials, &walls, &settings.pairs);
         let n = particles.len();
         let heat = particles.heat.is_some();
         if let Some(law) = settings.conduction {
@@ -148,10 +169,12 @@ impl<const D: usize> Dem<D> {
             contact_heat: vec![0.0; if heat { n } else { 0 }],
             wall_force: vec![Vector::zeros(); walls.len()],
             wall_heat: vec![0.0; if heat { walls.len() } else { 0 }],
+            wall_torque: vec![0.0; walls.len()],
             particles,
             walls,
             materials,
             settings,
+            laws,
             ..Self::default()
         })
     }
@@ -173,6 +196,7 @@ impl<const D: usize> Dem<D> {
         self.contact_heat.fill(0.0);
         self.wall_force.fill(Vector::zeros());
         self.wall_heat.fill(0.0);
+        self.wall_torque.fill(0.0);
         self.mean_velocity.clear();
         self.mean_velocity.resize(load.drag.len(), Vector::zeros());
         self.mean_temperature.clear();
@@ -195,8 +219,10 @@ impl<const D: usize> Dem<D> {
             }
         }
         self.time = start + dt;
+        self.known = true;
         self.contact_force.iter_mut().chain(&mut self.wall_force).for_each(|f| *f /= dt);
-        self.contact_heat.iter_mut().chain(&mut self.wall_heat).for_each(|q| *q /= dt);
+        let rates = self.contact_heat.iter_mut().chain(&mut self.wall_heat).chain(&mut self.wall_torque);
+        rates.for_each(|q| *q /= dt);
         self.mean_velocity.iter_mut().for_each(|v| *v /= dt);
         self.mean_temperature.iter_mut().for_each(|t| *t /= dt);
         report.wall_heat = self.wall_heat.iter().sum();
@@ -217,6 +243,7 @@ impl<const D: usize> Dem<D> {
         // What these hold is by the old numbers; they are made again.
         (self.search, self.problem, self.saved) = (Search::default(), Problem::default(), Saved::default());
         (self.after, self.conductor) = (vec![], Conductor::default());
+        self.known = false;
     }
 
     fn substep(&mut self, [h, step]: [f64; 2], load: &Load<'_, D>, last: bool, report: &mut StepReport) {
@@ -274,6 +301,7 @@ impl<const D: usize> Dem<D> {
             walls: &self.walls,
             placed: &self.placed,
             settings: &self.settings,
+            laws: self.laws.as_ref(),
             load,
             h,
         }
@@ -287,6 +315,8 @@ impl<const D: usize> Dem<D> {
         let scene = self.scene(h, load);
         scene.set_free(&search.grid.grain_of, &problem.bodies);
         problem.apply_impulses();
+        self.turn_walls(&search, &problem);
+        let scene = self.scene(h, load);
         let (repair, outcome) = match repair::needed(&problem) {
             true => {
                 repair::repair(&mut problem, &scene, &search.grid.grain_of, &self.stopping([h, step], load))
@@ -329,6 +359,23 @@ impl<const D: usize> Dem<D> {
         }
         (self.search, self.problem) = (search, problem);
         self.measure_penetration(h, report);
+    }
+
+    /// Adds the moments of the impulses on walls that turn, about their pivots, with grains and walls where the
+    /// sub-step starts.
+    fn turn_walls(&mut self, search: &Search<D>, problem: &Problem<D>) {
+        if !self.walls.iter().any(|wall| wall.pivot(self.time).is_some()) {
+            return;
+        }
+        let n = search.grid.grain_of.len();
+        for c in problem.contacts.iter().filter(|c| c.j as usize >= n && c.acts()) {
+            let wall = search.touches[c.j as usize - n].wall as usize;
+            let Some(pivot) = self.walls[wall].pivot(self.time) else { continue };
+            let grain = &self.particles.position[search.grid.grain_of[c.i as usize] as usize];
+            let placed = &self.placed[wall];
+            let arm = placed.point(placed.nearest(grain)) - pivot;
+            self.wall_torque[wall] += arm[0] * c.impulse[1] - arm[1] * c.impulse[0];
+        }
     }
 
     /// Keeps the deepest overlap so far of the step.
@@ -376,14 +423,15 @@ impl<const D: usize> Dem<D> {
         self.contact_heat.clone_from(&self.saved.contact_heat);
     }
 
-    /// Puts the means over several steps, that together were one, in the place of [`Self::wall_force`] (N) and [`Self::wall_heat`]
-    /// (W) of the last.
+    /// Puts the means over several steps, that together were one, in the place of [`Self::wall_force`] (N),
+    /// [`Self::wall_heat`] (W) and [`Self::wall_torque`] (N m) of the last.
     ///
     /// # Panics
     /// There are more or fewer than walls.
-    pub fn set_walls(&mut self, force: Vec<Vector<D>>, heat: Vec<f64>) {
-        assert_eq!((force.len(), heat.len()), (self.wall_force.len(), self.wall_heat.len()), "one per wall");
-        (self.wall_force, self.wall_heat) = (force, heat);
+    pub fn set_walls(&mut self, force: Vec<Vector<D>>, heat: Vec<f64>, torque: Vec<f64>) {
+        let counts = (self.wall_force.len(), self.wall_heat.len(), self.wall_torque.len());
+        assert_eq!((force.len(), heat.len(), torque.len()), counts, "one per wall");
+        (self.wall_force, self.wall_heat, self.wall_torque) = (force, heat, torque);
     }
 
     /// How contacts bind each grain, by those that carried an impulse in the last sub-step.
@@ -411,6 +459,18 @@ impl<const D: usize> Dem<D> {
         &self.wall_heat
     }
 
+    /// Mean moment of the forces of the grains on each wall that turns, about its pivot, over the last step, N m (per
+    /// metre of depth), counter-clockwise; zero of the others.
+    pub fn wall_torque(&self) -> &[f64] {
+        &self.wall_torque
+    }
+
+    /// Whether [`Self::contacts`] lists those of the last sub-step: not at the start, after a restart, and in a step
+    /// in which grains left, until the next one.
+    pub fn knows_contacts(&self) -> bool {
+        self.known
+    }
+
     /// Contacts of the last sub-step, also those that carry nothing; none after a restart until the next step.
     pub fn contacts(&self) -> impl Iterator<Item = Contact<D>> + '_ {
         let n = self.search.grid.grain_of.len();
@@ -425,6 +485,23 @@ impl<const D: usize> Dem<D> {
             normal: c.normal,
             force: c.impulse / h,
             gap: c.bias * h,
+        })
+    }
+
+    /// Contacts that carry a force in the last sub-step, with the heat that flows from the other side to the first
+    /// grain (W; zero without conduction).
+    pub fn carriers(&self) -> impl Iterator<Item = (Contact<D>, f64)> + '_ {
+        let wall = |wall: u32| self.walls[wall as usize].temperature.unwrap_or(0.0);
+        let mut heats = self.conductor.fluxes(wall).peekable();
+        let acting = self.contacts().filter(|c| c.force.iter().any(|f| *f != 0.0));
+        acting.map(move |contact| {
+            let other = match contact.partner {
+                Partner::Grain(j) => j,
+                Partner::Wall(wall) => WALL | wall,
+            };
+            // Not every contact conducts.
+            let heat = heats.next_if(|(i, j, _)| (*i, *j) == (contact.grain, other));
+            (contact, heat.map_or(0.0, |(.., heat)| heat))
         })
     }
 
@@ -476,6 +553,7 @@ impl<const D: usize> Dem<D> {
             contact_heat: self.contact_heat.clone(),
             wall_force: self.wall_force.clone(),
             wall_heat: self.wall_heat.clone(),
+            wall_torque: self.wall_torque.clone(),
         }
     }
 
@@ -497,6 +575,7 @@ impl<const D: usize> Dem<D> {
         self.contact_heat = state.contact_heat;
         self.wall_force = state.wall_force;
         self.wall_heat = state.wall_heat;
+        self.wall_torque = state.wall_torque;
         Ok(())
     }
 }

@@ -161,6 +161,16 @@ impl Conductor {
         }
     }
 
+    /// Both sides of each conducting contact of the last step, in the order of the contacts, and the heat from the
+    /// second to the first, W; `wall` gives the temperature of a wall.
+    pub fn fluxes(&self, wall: impl Fn(u32) -> f64) -> impl Iterator<Item = (u32, u32, f64)> {
+        self.links.iter().map(move |l| {
+            let here = self.solution[l.i as usize];
+            let there = if l.j & WALL == 0 { self.solution[l.j as usize] } else { wall(l.j & !WALL) };
+            (l.i, l.j, l.conductance * (there - here))
+        })
+    }
+
     /// One implicit step: fluxes for the temperatures that the links lead to within `h`.
     pub fn solve<const D: usize>(&mut self, scene: &Scene<D>, heat: &Heat) -> HeatOutcome {
         let n = heat.temperature.len();
@@ -341,6 +351,7 @@ mod tests {
             walls: &[],
             placed: &[],
             settings: &settings,
+            laws: None,
             load: &load,
             h: 1.0,
         };

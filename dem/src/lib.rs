@@ -20,6 +20,7 @@ mod dem;
 mod error;
 mod heat;
 mod interior;
+mod laws;
 mod memory;
 mod momentum;
 mod neighbours;
@@ -34,6 +35,7 @@ mod search;
 mod settings;
 mod solver;
 mod space;
+mod stress;
 mod velocity_bounds;
 mod walls;
 
@@ -43,8 +45,9 @@ pub use error::{Error, Result, Rounded};
 pub use heat::Conduction;
 pub use particles::retain;
 pub use particles::{Heat, Material, Particles, Rotation};
-pub use settings::{Acceleration, Cohesion, Load, Settings, StepReport};
+pub use settings::{Acceleration, Cohesion, Load, Pair, Settings, Side, StepReport};
 pub use space::{Vector, ball, inertia};
+pub use stress::Stress;
 pub use walls::{Motion, Wall};
 
 /// Room for `len` items; when the buffer must grow, an eighth more, so that counts that waver do not allocate and

@@ -2,6 +2,7 @@
 
 use crate::bodies::Bodies;
 use crate::contact::Contact;
+use crate::laws::{self, Laws};
 use crate::parallel;
 use crate::space::Vector;
 use crate::walls::{Placed, Wall};
@@ -14,6 +15,7 @@ pub(crate) struct Scene<'a, const D: usize> {
     pub walls: &'a [Wall<D>],
     pub placed: &'a [Placed<D>],
     pub settings: &'a Settings<D>,
+    pub laws: Option<&'a Laws>,
     pub load: &'a Load<'a, D>,
     pub h: f64,
 }
@@ -132,7 +134,13 @@ impl<const D: usize> Scene<'_, D> {
     }
 
     pub fn has_friction(&self) -> bool {
-        self.materials.iter().any(|m| m.friction > 0.0) || self.walls.iter().any(|w| w.friction > 0.0)
+        match self.laws {
+            Some(laws) => laws.have_friction(),
+            None => {
+                let of_grains = self.materials.iter().any(|m| m.friction > 0.0);
+                of_grains || self.walls.iter().any(|w| w.friction > 0.0)
+            }
+        }
     }
 
     pub fn sticky(&self, i: u32) -> bool {
@@ -145,9 +153,12 @@ impl<const D: usize> Scene<'_, D> {
         let distance = arm.norm();
         let normal = if distance > 0.0 { arm / distance } else { crate::space::first_axis() };
         let gap = distance - p.radius[i] - p.radius[j];
-        let (a, b) = (&self.materials[p.material[i] as usize], &self.materials[p.material[j] as usize]);
+        let (a, b) = (p.material[i], p.material[j]);
         let before = (p.velocity[j] - p.velocity[i]).dot(&normal);
-        let law = [a.restitution.min(b.restitution), a.friction.min(b.friction)];
+        let law = match self.laws {
+            Some(laws) => laws.of_grains(a, b),
+            None => laws::between(&self.materials[a as usize], &self.materials[b as usize]),
+        };
         let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
     }
@@ -171,7 +182,11 @@ impl<const D: usize> Scene<'_, D> {
         let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
         let gap = distance - p.radius[i];
         let before = (bodies.velocity(slots[1] as usize) - p.velocity[i]).dot(&normal);
-        let contact = self.contact(slots, normal, gap, before, [wall.restitution, wall.friction], bodies);
+        let law = match self.laws {
+            Some(laws) => laws.of_wall(w, p.material[i]),
+            None => [wall.restitution, wall.friction],
+        };
+        let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
     }
 

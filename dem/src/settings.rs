@@ -59,6 +59,30 @@ pub struct Settings<const D: usize> {
     pub conduction: Option<Conduction>,
     /// Adhesion; none: no contact pulls.
     pub cohesion: Option<Cohesion>,
+    /// Coefficients of pairs, in place of the smaller one of both sides.
+    pub pairs: Vec<Pair>,
+}
+
+/// Coefficients between a material and another one, or a wall.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pair {
+    /// Number of a material.
+    pub material: u8,
+    /// The other side.
+    pub other: Side,
+    /// Coulomb's coefficient; none: as without the pair.
+    pub friction: Option<f64>,
+    /// Newton's coefficient of restitution; none: as without the pair.
+    pub restitution: Option<f64>,
+}
+
+/// The other side of a [`Pair`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Side {
+    /// Grains of a material, by number.
+    Material(u8),
+    /// A wall, by number.
+    Wall(u32),
 }
 
 impl<const D: usize> Default for Settings<D> {
@@ -77,6 +101,7 @@ impl<const D: usize> Default for Settings<D> {
             interior: false,
             conduction: None,
             cohesion: None,
+            pairs: vec![],
         }
     }
 }
@@ -101,6 +126,16 @@ impl<const D: usize> Settings<D> {
         }
         if self.max_sweeps == 0 || self.max_substeps == 0 {
             return Err(Error::Scene("max_sweeps and max_substeps must be at least 1".into()));
+        }
+        for pair in &self.pairs {
+            let friction = pair.friction.unwrap_or(0.0);
+            check(friction >= 0.0 && friction.is_finite(), friction, "it must be 0 or more", || {
+                "friction of a pair".into()
+            })?;
+            let restitution = pair.restitution.unwrap_or(0.0);
+            check((0.0..=1.0).contains(&restitution), restitution, "it must lie in 0 .. 1", || {
+                "restitution of a pair".into()
+            })?;
         }
         if let Some(c) = &self.cohesion {
             check(c.force >= 0.0 && c.force.is_finite(), c.force, "it must be 0 or more", || {

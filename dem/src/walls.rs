@@ -5,7 +5,7 @@ use crate::space::Vector;
 use serde::{Deserialize, Serialize};
 
 /// How a wall moves; its end points at time t follow from those at t = 0, so a restart needs the time only.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Motion<const D: usize> {
     /// Not at all.
@@ -31,6 +31,14 @@ pub enum Motion<const D: usize> {
         centre: Vector<D>,
         /// Angular velocity, rad/s.
         rate: f64,
+    },
+    /// By a table, linear between its rows and at rest before the first and after the last (plane only): a turn about
+    /// a centre that is carried along, both measured from where the wall is given.
+    Table {
+        /// Centre of the turn where the wall is given, m.
+        centre: Vector<D>,
+        /// Rows of time (s, increasing), way along the first and the last axis (m), angle (rad, counter-clockwise).
+        rows: Vec<[f64; 4]>,
     },
 }
 
@@ -75,22 +83,61 @@ impl<const D: usize> Wall<D> {
 
     /// End points at a time, m.
     pub fn at(&self, time: f64) -> [Vector<D>; 2] {
-        match self.motion {
+        match &self.motion {
             Motion::Fixed => self.points,
             Motion::Translation { velocity } => self.points.map(|x| x + velocity * time),
-            Motion::Oscillation { amplitude, frequency, phase } => {
+            &Motion::Oscillation { amplitude, frequency, phase } => {
                 let angle = std::f64::consts::TAU * frequency * time + phase;
                 self.points.map(|x| x + amplitude * (angle.sin() - phase.sin()))
             }
-            Motion::Rotation { centre, rate } => {
-                let (sin, cos) = (rate * time).sin_cos();
-                self.points.map(|x| {
-                    let arm = x - centre;
-                    let mut turned = x;
-                    turned[0] = centre[0] + cos * arm[0] - sin * arm[1];
-                    turned[1] = centre[1] + sin * arm[0] + cos * arm[1];
-                    turned
-                })
+            Motion::Rotation { centre, rate } => self.turned(centre, rate * time),
+            Motion::Table { centre, rows } => {
+                let [x, y, angle] = along(rows, time);
+                let way = Vector::from_fn(|a, _| {
+                    if a == 0 {
+                        x
+                    } else if a == D - 1 {
+                        y
+                    } else {
+                        0.0
+                    }
+                });
+                self.turned(centre, angle).map(|end| end + way)
+            }
+        }
+    }
+
+    /// The end points as given, turned about a centre by an angle.
+    fn turned(&self, centre: &Vector<D>, angle: f64) -> [Vector<D>; 2] {
+        let (sin, cos) = angle.sin_cos();
+        self.points.map(|x| {
+            let arm = x - centre;
+            let mut turned = x;
+            turned[0] = centre[0] + cos * arm[0] - sin * arm[1];
+            turned[1] = centre[1] + sin * arm[0] + cos * arm[1];
+            turned
+        })
+    }
+
+    /// The point about which the wall turns, at a time; none of a wall that does not turn.
+    pub fn pivot(&self, time: f64) -> Option<Vector<D>> {
+        match &self.motion {
+            Motion::Fixed | Motion::Translation { .. } | Motion::Oscillation { .. } => None,
+            Motion::Rotation { centre, .. } => Some(*centre),
+            Motion::Table { centre, rows } => {
+                let [x, y, _] = along(rows, time);
+                Some(
+                    centre
+                        + Vector::from_fn(|a, _| {
+                            if a == 0 {
+                                x
+                            } else if a == D - 1 {
+                                y
+                            } else {
+                                0.0
+                            }
+                        }),
+                )
             }
         }
     }
@@ -121,16 +168,34 @@ impl<const D: usize> Wall<D> {
         check(temperature.is_finite(), temperature, "it must be finite", || at("temperature"))?;
         let conductivity = self.conductivity.unwrap_or(1.0);
         check(conductivity > 0.0, conductivity, "it must be positive", || at("conductivity"))?;
-        let law = match self.motion {
+        let law = match &self.motion {
             Motion::Fixed => vec![],
             Motion::Translation { velocity } => velocity.iter().copied().collect(),
             Motion::Oscillation { amplitude, frequency, phase } => {
-                amplitude.iter().copied().chain([frequency, phase]).collect()
+                amplitude.iter().copied().chain([*frequency, *phase]).collect()
             }
-            Motion::Rotation { centre, rate } => centre.iter().copied().chain([rate]).collect(),
+            Motion::Rotation { centre, rate } => centre.iter().copied().chain([*rate]).collect(),
+            Motion::Table { centre, rows } => {
+                let increasing = rows.windows(2).all(|pair| pair[0][0] < pair[1][0]);
+                if rows.is_empty() || !increasing {
+                    let name = &self.name;
+                    return Err(Error::Scene(format!(
+                        "wall {name:?}: its times must increase, and one is needed"
+                    )));
+                }
+                centre.iter().copied().chain(rows.iter().flatten().copied()).collect()
+            }
         };
         law.iter().try_for_each(|&x| check(x.is_finite(), x, "it must be finite", || at("motion")))
     }
+}
+
+/// Way and angle of a table at a time.
+fn along(rows: &[[f64; 4]], time: f64) -> [f64; 3] {
+    let after = rows.partition_point(|row| row[0] <= time);
+    let (low, high) = (rows[after.saturating_sub(1)], rows[after.min(rows.len() - 1)]);
+    let share = if high[0] > low[0] { ((time - low[0]) / (high[0] - low[0])).clamp(0.0, 1.0) } else { 0.0 };
+    std::array::from_fn(|k| low[k + 1] + (high[k + 1] - low[k + 1]) * share)
 }
 
 /// A wall over one sub-step: where it is at the start, and the velocity that carries its end points exactly
@@ -196,6 +261,22 @@ mod tests {
         approx::assert_relative_eq!(wall.at(0.5)[0], Vector::<2>::new(1.0, 0.1));
         let placed = Placed::new(&wall, 0.0, 0.5);
         approx::assert_relative_eq!(placed.velocity_at(0.3), Vector::<2>::new(0.0, 0.2));
+    }
+
+    #[test]
+    fn walls_follow_tables() {
+        let mut wall = Wall::<2>::new("bar", Vector::<2>::new(1.0, 0.0), Vector::<2>::new(2.0, 0.0));
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let rows = vec![[1.0, 0.0, 0.0, 0.0], [2.0, 0.4, 0.2, quarter], [4.0, 0.0, 0.2, quarter]];
+        wall.motion = Motion::Table { centre: Vector::<2>::new(1.0, 0.0), rows };
+        assert_eq!(wall.at(0.5), wall.points);
+        approx::assert_relative_eq!(wall.at(2.0)[0], Vector::<2>::new(1.4, 0.2), epsilon = 1e-15);
+        approx::assert_relative_eq!(wall.at(2.0)[1], Vector::<2>::new(1.4, 1.2), epsilon = 1e-15);
+        approx::assert_relative_eq!(wall.at(3.0)[1], Vector::<2>::new(1.2, 1.2), epsilon = 1e-15);
+        approx::assert_relative_eq!(wall.at(9.0)[1], Vector::<2>::new(1.0, 1.2), epsilon = 1e-15);
+        approx::assert_relative_eq!(wall.pivot(1.5).unwrap(), Vector::<2>::new(1.2, 0.1), epsilon = 1e-15);
+        wall.motion = Motion::Table { centre: Vector::zeros(), rows: vec![[1.0; 4], [1.0; 4]] };
+        assert!(wall.validate().is_err());
     }
 
     #[test]

@@ -89,13 +89,20 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
     let rows = listed(&text);
     assert!(rows.len() > 50, "{rows:?}");
     let mut met = BTreeSet::new();
-    for case in ["bubbling-bed/scene-quick", "droplet-digging/scene-quick", "tracer/scene", "hopper/scene"] {
+    for case in [
+        "bubbling-bed/scene-quick",
+        "droplet-digging/scene-quick",
+        "tracer/scene",
+        "hopper/scene",
+        "stirred-bed/scene",
+    ] {
         let mut scene = Scene::read(&root().join("cases").join(format!("{case}.toml")), &[]).unwrap();
         for group in &mut scene.grains {
             if let Placement::Deposit(deposit) = &mut group.placement {
                 deposit.settle = false;
             }
         }
+        scene.output.stress = !scene.grains.is_empty();
         let walls: Vec<String> = scene.walls.iter().map(|wall| wall.name.clone()).collect();
         let fluid = scene.fluid.as_ref();
         let boundaries = fluid.iter().flat_map(|fluid| &fluid.boundaries).map(|part| part.name.clone());

@@ -80,11 +80,8 @@ fn grains(scene: &Scene) {
             (Amount::Count(count), _) => format!("{count}"),
             (Amount::Mass(mass), _) => match &group.radius {
                 Some(radius) => {
-                    // The mean of r2 for r uniform between a and b is (a2 + ab + b2)/3.
-                    let (a, b) = (radius.smallest(), radius.largest());
-                    let square = (a * a + a * b + b * b) / 3.0;
                     let density = scene.materials[&group.material].density * group.solidity;
-                    format!("about {:.0} ({mass} kg/m)", mass / (density * std::f64::consts::PI * square))
+                    format!("about {:.0} ({mass} kg/m)", mass / (density * radius.mean_area()))
                 }
                 None => format!("{mass} kg/m"),
             },

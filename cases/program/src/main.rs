@@ -3,6 +3,7 @@
 //! Exit codes: 0 done; 1 the run failed (solver, disk) or was interrupted; 2 the input is wrong.
 
 mod check;
+mod closures;
 mod compare;
 mod doctor;
 mod ending;
@@ -72,6 +73,8 @@ enum Command {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Draw all drag laws over voidage and Reynolds number, with the values as a table.
+    Closures(closures::Options),
     /// Print all keys of a scene with their meaning, units and defaults: as JSON schema, or as a page.
     Schema {
         /// Those of a study.
@@ -147,6 +150,7 @@ fn perform(command: Command) -> Result<u8> {
             pictures.iter().for_each(|picture| println!("{}", picture.display()));
             Ok(0)
         }
+        Command::Closures(options) => closures::closures(&options),
         Command::Schema { study, markdown } => {
             match (study, markdown) {
                 (false, false) => println!("{:#}", json_schema::<Scene>()),

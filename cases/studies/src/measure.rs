@@ -179,7 +179,7 @@ fn of_scene(file: &Path, task: &Task) -> Result<Answer> {
         simulation.view().fluid.filter(|_| quantities.iter().any(|q| matches!(q.of, Of::Field(_))))
     {
         task.fields.parent().map_or(Ok(()), create_folder)?;
-        fluid.write(&task.fields)?;
+        fluid.write(&task.fields, None)?;
     }
     let totals = simulation.totals();
     let cost = &mut measured.cost;

@@ -12,7 +12,7 @@ use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::motion::Oscillation;
 use voidage_coupling::remesh::Remesher;
 use voidage_coupling::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
-use voidage_dem::{ContactForce, Dem, Material, Motion, Particles, Partner, Settings, Wall};
+use voidage_dem::{ContactForce, Dem, Material, Motion, Pair, Particles, Partner, Settings, Side, Wall};
 use voidage_fluid::body::{Blowing, Body, BodyMotion};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::{Numerics, State};
@@ -115,11 +115,13 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
     let mut materials = Vec::new();
     let (mut all, mut forces) = (Particles::<2>::default(), vec![]);
     let mut heat = voidage_dem::Heat::default();
-    for (k, group) in scene.grains.iter().enumerate() {
+    for group in &scene.grains {
         let Some(described) = scene.materials.get(&group.material) else {
             return Err(Error::input(format!("no material `{}`; there are {names:?}", group.material)));
         };
         materials.push(material(described, group.solidity));
+    }
+    for k in 0..scene.grains.len() {
         let Placed { grains: mut placed, forces: of_bed } = placing.place(scene, k, &materials)?;
         let first = all.len() as u32;
         forces.extend(of_bed.into_iter().map(|f| ContactForce {
@@ -131,21 +133,30 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
             ..f
         }));
         // Columns of a file go before the values of the group.
-        if let Some(velocity) =
-            group.velocity.as_ref().filter(|_| placed.velocity.iter().all(|v| v.norm() == 0.0))
-        {
-            placed.velocity.fill(velocity.vector());
-        }
-        if let Some(temperature) = group.temperature {
+        let at_rest = placed.velocity.iter().all(|v| v.norm() == 0.0);
+        if scene.grains[k].temperature.is_some() {
             let own = match placed.heat.take() {
                 Some(heat) => heat,
-                None => placed.clone().heated(temperature, &materials)?.heat.unwrap_or_default(),
+                None => {
+                    let mut own = placed.clone().heated(0.0, &materials)?.heat.unwrap_or_default();
+                    for (temperature, &of) in own.temperature.iter_mut().zip(&placed.material) {
+                        *temperature = scene.grains[of as usize].temperature.unwrap_or_default();
+                    }
+                    own
+                }
             };
             heat.temperature.extend(own.temperature);
             heat.capacity.extend(own.capacity);
         }
-        if group.fixed {
-            placed.mass.fill(f64::INFINITY);
+        // A material is that of one group; what is poured holds grains of all that are mixed.
+        for i in 0..placed.len() {
+            let group = &scene.grains[placed.material[i] as usize];
+            if let Some(velocity) = group.velocity.as_ref().filter(|_| at_rest) {
+                placed.velocity[i] = velocity.vector();
+            }
+            if group.fixed {
+                placed.mass[i] = f64::INFINITY;
+            }
         }
         all.append(placed);
     }
@@ -186,6 +197,11 @@ pub fn wall(scene: &Scene, described: &scene::Wall) -> Wall<2> {
         Some(scene::Motion::Oscillate(o)) => {
             Motion::Oscillation { amplitude: o.amplitude.vector(), frequency: o.frequency, phase: o.phase }
         }
+        Some(scene::Motion::Table(table)) => {
+            let middle = 0.5 * (described.from.vector::<2>() + described.to.vector::<2>());
+            let centre = if table.centre.is_empty() { middle } else { table.centre.vector() };
+            Motion::Table { centre, rows: table.rows.clone() }
+        }
         Some(scene::Motion::Rotate(r)) => Motion::Rotation { centre: r.centre.vector(), rate: r.rate },
     };
     let wall = Wall::new(described.name.clone(), described.from.vector(), described.to.vector());
@@ -210,8 +226,41 @@ pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2>
         max_substeps: contacts.max_substeps,
         conduction: contacts.conduction,
         cohesion: contacts.cohesion,
+        pairs: pairs(scene, contacts),
         ..Settings::default()
     }
+}
+
+/// Pairs of materials as the contacts know them: a material for each group, and walls by number.
+fn pairs(scene: &Scene, contacts: &scene::Contacts) -> Vec<Pair> {
+    let groups = |name: &str| -> Vec<u8> {
+        let all = scene.grains.iter().enumerate();
+        all.filter(|(_, group)| group.material == name).map(|(k, _)| k as u8).collect()
+    };
+    let mut pairs = Vec::new();
+    for described in &contacts.pairs {
+        let [a, b] = &described.materials;
+        let (friction, restitution) = (described.friction, described.restitution);
+        for material in groups(a) {
+            let others = groups(b).into_iter().map(Side::Material);
+            pairs.extend(others.map(|other| Pair { material, other, friction, restitution }));
+        }
+        for (of_wall, of_grains) in [(a, b), (b, a)] {
+            let walls = scene.walls.iter().enumerate();
+            for (k, wall) in walls.filter(|(_, wall)| wall.material.as_ref() == Some(of_wall)) {
+                let friction = friction.filter(|_| wall.friction.is_none());
+                let restitution = restitution.filter(|_| wall.restitution.is_none());
+                let other = Side::Wall(k as u32);
+                pairs.extend(groups(of_grains).into_iter().map(|material| Pair {
+                    material,
+                    other,
+                    friction,
+                    restitution,
+                }));
+            }
+        }
+    }
+    pairs
 }
 
 // ----------------------------------------------------------------------------------------------- fluid

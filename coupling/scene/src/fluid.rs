@@ -278,10 +278,11 @@ pub struct Coupling {
     /// tolerance, is done in halves, quarters and so on down to 1/64. `{}` takes the default of `travel`. Default: steps are whole.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cut: Option<Cutting>,
-    /// Drag law: `"dallavalle"` (times the voidage function) or `"gidaspow"`. Default `"dallavalle"`.
+    /// Drag law; `voidage closures` draws them. All but `"dallavalle"` take neighbours into account by themselves,
+    /// without `voidage_function`. Default `"dallavalle"`.
     pub drag: Drag,
-    /// Voidage function of drag and heat: `"henry"`, `"henry-interstitial"`, `"di-felice"`, `"migflow"` or `"none"`.
-    /// Default `"henry"`.
+    /// Voidage function of the drag `"dallavalle"` and the heat `"henry"`: `"henry"`, `"henry-interstitial"`,
+    /// `"di-felice"`, `"migflow"` or `"none"`. Default `"henry"`.
     pub voidage_function: VoidageFunction,
     /// Law of the heat that grains and fluid exchange: `"henry"` (times the voidage function), `"gunn"`,
     /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.

@@ -38,7 +38,9 @@ pub struct Material {
 pub struct Grains {
     /// Name of one of the materials.
     pub material: String,
-    /// Radius, m: `{constant = r}`, in short `r`, or `{uniform = [smallest, largest]}`. Not with a CSV file, which has its own.
+    /// Radius, m: `{constant = r}`, in short `r`, `{uniform = [smallest, largest]}`, or a law of sizes by number or
+    /// by mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file, which has its
+    /// own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
     /// Share of the disc that is solid, above 0 up to 1: in a fluid 0.8165 makes the densest bed of discs as dense as one of
@@ -71,8 +73,67 @@ fn one() -> f64 {
 pub enum Radius {
     /// All grains have this radius, m.
     Constant(f64),
-    /// Radii uniformly distributed between these two, m.
+    /// Radii uniformly distributed between these two, m: so is their number, whatever their mass.
     Uniform([f64; 2]),
+    /// The logarithm of the radius is normally distributed.
+    LogNormal(LogNormal),
+    /// The law of Rosin and Rammler for what was ground.
+    RosinRammler(RosinRammler),
+    /// What sieves let pass.
+    Sieve(Sieve),
+}
+
+/// What a law of sizes gives the shares of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum By {
+    /// The number of grains.
+    Number,
+    /// Their mass; in the plane that of discs, which grows with the square of the radius.
+    Mass,
+}
+
+/// Radii whose logarithm is normally distributed, between a smallest and a largest one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LogNormal {
+    /// Radius that half are below, m.
+    pub median: f64,
+    /// Standard deviation of ln(radius). Above 0.
+    pub deviation: f64,
+    /// Radius below which there are none, m. Above 0.
+    pub smallest: f64,
+    /// Radius above which there are none, m; at most 100 times the smallest.
+    pub largest: f64,
+    /// Whether the law is that of the number of grains or of their mass: `"number"` or `"mass"`.
+    pub by: By,
+}
+
+/// Radii r of which the share `1 - exp(-(r/scale)^spread)` is smaller, between a smallest and a largest one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RosinRammler {
+    /// Radius that 63.2 % are below, m.
+    pub scale: f64,
+    /// Exponent: the larger, the narrower. Above 0.
+    pub spread: f64,
+    /// Radius below which there are none, m. Above 0.
+    pub smallest: f64,
+    /// Radius above which there are none, m; at most 100 times the smallest.
+    pub largest: f64,
+    /// Whether the law is that of the number of grains or of their mass: `"number"` or `"mass"`.
+    pub by: By,
+}
+
+/// A sieve analysis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sieve {
+    /// Rows `[opening, share]`: opening of a sieve, m (a diameter, not a radius), and the share that passes it. Both
+    /// increase, the share from 0 to 1; between two sieves it grows linearly with the diameter.
+    pub passing: Vec<[f64; 2]>,
+    /// Whether shares are of the number of grains or of their mass: `"number"` or `"mass"`.
+    pub by: By,
 }
 
 impl Radius {
@@ -80,6 +141,9 @@ impl Radius {
     pub fn smallest(&self) -> f64 {
         match self {
             Radius::Constant(r) | Radius::Uniform([r, _]) => *r,
+            Radius::LogNormal(LogNormal { smallest, .. })
+            | Radius::RosinRammler(RosinRammler { smallest, .. }) => *smallest,
+            Radius::Sieve(sieve) => sieve.passing.first().map_or(0.0, |row| 0.5 * row[0]),
         }
     }
 
@@ -87,6 +151,9 @@ impl Radius {
     pub fn largest(&self) -> f64 {
         match self {
             Radius::Constant(r) | Radius::Uniform([_, r]) => *r,
+            Radius::LogNormal(LogNormal { largest, .. })
+            | Radius::RosinRammler(RosinRammler { largest, .. }) => *largest,
+            Radius::Sieve(sieve) => sieve.passing.last().map_or(0.0, |row| 0.5 * row[0]),
         }
     }
 }
@@ -116,6 +183,9 @@ pub enum Placement {
     Random(RandomBox),
     /// Read from a file.
     Csv(GrainsFile),
+    /// Poured together with the grains of an earlier group, mixed at random: the number of that group, counted from
+    /// 0. Both say by count or mass how many they are.
+    With(usize),
 }
 
 /// A box into which grains are poured from above, on its floor, between its sides and on the walls in it (as they stand at
@@ -257,6 +327,26 @@ pub enum Motion {
     Oscillate(Oscillation),
     /// Round a point.
     Rotate(Rotation),
+    /// By a table, linear between its rows; at rest before the first and after the last.
+    Table(MotionTable),
+}
+
+/// A motion by a table: a turn about a centre that is carried along.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MotionTable {
+    /// Rows `[t, x, y, angle]`: time, s, which increases; the way of the centre from where it is given, m; the angle,
+    /// rad, anticlockwise. With a file, the rows are read from it.
+    #[serde(default)]
+    pub rows: Vec<[f64; 4]>,
+    /// CSV file with a header and the columns `t,x,y,angle`, path relative to the scene, instead of `rows`. Default:
+    /// none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// Centre of the turn where the wall is given, m; about it the torque in series.csv is. Default: the middle of
+    /// the wall.
+    #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
+    pub centre: Coordinates,
 }
 
 /// A displacement `amplitude sin(2 pi frequency t + phase)`, less its value at t = 0.
@@ -314,6 +404,24 @@ pub struct Contacts {
     /// Cohesion of grains that touch. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cohesion: Option<Cohesion>,
+    /// Coefficients of pairs of materials, in place of the smaller ones of both. Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub pairs: Vec<Pair>,
+}
+
+/// Coefficients between two materials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Pair {
+    /// Names of the two materials, of grains or walls; the same twice for grains of one material among themselves.
+    /// What a wall says itself of its friction or restitution goes before.
+    pub materials: [String; 2],
+    /// Coulomb friction coefficient. Default: the smaller one of the two, and at a wall that of the wall.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f64>,
+    /// Coefficient of normal restitution, 0 to 1. Default: the smaller one of the two, and at a wall that of the wall.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restitution: Option<f64>,
 }
 
 impl Default for Contacts {
@@ -328,6 +436,7 @@ impl Default for Contacts {
             rotation: true,
             conduction: None,
             cohesion: None,
+            pairs: vec![],
         }
     }
 }

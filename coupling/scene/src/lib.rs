@@ -15,6 +15,7 @@ mod droplet;
 mod edit;
 mod fluid;
 mod grains;
+pub mod network;
 mod origin;
 mod output;
 pub mod placing;
@@ -34,8 +35,9 @@ pub use fluid::{
     MeshMotion, MeshSource, ScalarBoundary, ThinCell, ThinCellHeat,
 };
 pub use grains::{
-    Amount, Arrangement, Contacts, Deposit, Grains, GrainsFile, Lattice, Material, Method, Motion,
-    Oscillation, Placement, Radius, RandomBox, Rotation, Wall,
+    Amount, Arrangement, By, Contacts, Deposit, Grains, GrainsFile, Lattice, LogNormal, Material, Method,
+    Motion, MotionTable, Oscillation, Pair, Placement, Radius, RandomBox, RosinRammler, Rotation, Sieve,
+    Wall,
 };
 pub use origin::Origin;
 pub use output::{Average, Output, PressureDrop};

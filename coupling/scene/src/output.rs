@@ -26,6 +26,12 @@ pub struct Output {
     /// The two boundaries between which the pressure drop is recorded. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pressure_drop: Option<PressureDrop>,
+    /// Whether frames have the contacts that carry a force (contacts.pvd): lines from grain to grain with normal and
+    /// tangential force, gap, heat and age, and `voidage plot` draws the force chains. Default false.
+    pub contacts: bool,
+    /// Whether stress, coordination number and fabric of the grains are recorded: in series.csv, for each grain in
+    /// grains.pvd, and with a fluid at the nodes in fluid.pvd. Default false.
+    pub stress: bool,
 }
 
 /// A time average on a regular grid.

@@ -10,7 +10,7 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use voidage_coupling::error::{Error, Result};
-use voidage_dem::packing::{self, Amount, Fill, Progress, Radii, Region, Settled};
+use voidage_dem::packing::{self, Amount, By, Fill, Progress, Radii, Region, Settled, SizeLaw};
 use voidage_dem::{ContactForce, Material, Particles, Partner, Settings, Vector, Wall};
 
 /// Told the number of the group and how far its placement is, many times a second; may end it.
@@ -72,6 +72,9 @@ struct Kept {
     hash: String,
     /// Hash of both tables.
     tables: String,
+    /// Material of each grain, where several were mixed.
+    #[serde(default)]
+    mixed: Vec<u8>,
     bed: Bed,
 }
 
@@ -95,6 +98,7 @@ struct Recipe<'a> {
     solidity: f64,
     placement: &'a Placement,
     material: &'a scene::Material,
+    mixed: Vec<(&'a scene::Grains, &'a scene::Material)>,
     contacts: &'a Option<scene::Contacts>,
     walls: Vec<Wall<2>>,
     gravity: f64,
@@ -121,13 +125,20 @@ impl<'a> Placing<'a> {
         }
     }
 
-    /// The grains of a group; `materials` are those of the groups up to it.
+    /// The grains of a group, and of those that are poured with it; `materials` are those of all groups.
     pub(crate) fn place(&mut self, scene: &Scene, k: usize, materials: &[Material]) -> Result<Placed> {
         let group = &scene.grains[k];
         let fill = fill(group, k as u8, materials);
         let observer = &mut |progress: Progress| (self.observer)(k, progress);
         let placed = match &group.placement {
-            Placement::Deposit(d) => return self.bed(scene, k, d, &fill(d.seed)),
+            Placement::Deposit(d) => {
+                let fill = match mixture(scene, k) {
+                    true => mixed(scene, k, d.seed, materials)?,
+                    false => fill(d.seed),
+                };
+                return self.bed(scene, k, d, &fill);
+            }
+            Placement::With(_) => return Ok(Placed { grains: Particles::default(), forces: vec![] }),
             Placement::Lattice(l) => {
                 packing::lattice(&region(&l.lower, &l.upper), kind(l), l.spacing, &fill(l.seed))
             }
@@ -186,10 +197,16 @@ fn deposit(scene: &Scene, d: &scene::Deposit) -> packing::Deposit {
 /// An error if the grains of a group surely do not fit in their box, or are fewer than one; nothing is placed.
 pub(crate) fn check(scene: &Scene, k: usize) -> Result<()> {
     let group = &scene.grains[k];
-    let materials = [build::material(&scene.materials[&group.material], group.solidity)];
-    let fill = fill(group, 0, &materials);
+    let material = |group: &scene::Grains| build::material(&scene.materials[&group.material], group.solidity);
+    let materials: Vec<Material> = scene.grains.iter().map(material).collect();
+    let fill = fill(group, k as u8, &materials);
     let checked = match &group.placement {
+        Placement::Deposit(d) if mixture(scene, k) => {
+            let mixed = mixed(scene, k, d.seed, &materials)?;
+            packing::check_deposit(&region(&d.lower, &d.upper), &mixed)
+        }
         Placement::Deposit(d) => packing::check_deposit(&region(&d.lower, &d.upper), &fill(d.seed)),
+        Placement::With(_) => Ok(()),
         Placement::Lattice(l) => {
             packing::check_lattice(&region(&l.lower, &l.upper), kind(l), l.spacing, &fill(l.seed))
         }
@@ -210,17 +227,67 @@ fn kind(lattice: &scene::Lattice) -> packing::Lattice {
     }
 }
 
+/// The groups that are poured together: the first, and those that say so.
+fn members(scene: &Scene, first: usize) -> impl Iterator<Item = (usize, &scene::Grains)> {
+    let with =
+        move |group: &scene::Grains| matches!(group.placement, Placement::With(other) if other == first);
+    scene.grains.iter().enumerate().filter(move |(k, group)| *k == first || with(group))
+}
+
+/// Whether others are poured with a group.
+fn mixture(scene: &Scene, first: usize) -> bool {
+    members(scene, first).count() > 1
+}
+
+/// What to fill a region with, of all groups that are poured together.
+fn mixed<'a>(scene: &Scene, first: usize, seed: u64, materials: &'a [Material]) -> Result<Fill<'a>> {
+    let fills: Vec<Fill<'_>> = members(scene, first)
+        .map(|(k, group)| fill(group, k as u8, materials)(seed.wrapping_add((k - first) as u64)))
+        .collect();
+    let radii = packing::mixed::<2>(&fills, seed).map_err(|error| wrong(scene, first, error))?;
+    let amount = Amount::Count(if let Radii::Mixed(grains) = &radii { grains.len() } else { 0 });
+    Ok(Fill { radii, amount, material: first as u8, materials, seed })
+}
+
+impl scene::Radius {
+    /// Mean area of the discs, m2.
+    pub fn mean_area(&self) -> f64 {
+        radii(self).mean_volume::<2>()
+    }
+}
+
+/// The law of the radii of a group. Laws that mean nothing were refused before: a table that cannot be made is empty,
+/// which no fill takes.
+fn radii(radius: &scene::Radius) -> Radii {
+    let by = |by: scene::By| match by {
+        scene::By::Number => By::Number,
+        scene::By::Mass => By::Mass,
+    };
+    let law = match radius {
+        scene::Radius::Constant(radius) => return Radii::Constant(*radius),
+        scene::Radius::Uniform([min, max]) => return Radii::Uniform { min: *min, max: *max },
+        scene::Radius::LogNormal(law) => {
+            (SizeLaw::LogNormal { median: law.median, deviation: law.deviation }, law.by)
+        }
+        scene::Radius::RosinRammler(law) => {
+            (SizeLaw::RosinRammler { scale: law.scale, spread: law.spread }, law.by)
+        }
+        scene::Radius::Sieve(sieve) => {
+            let rows = sieve.passing.iter().map(|[opening, share]| (0.5 * opening, *share));
+            (SizeLaw::Sieve(rows.collect()), sieve.by)
+        }
+    };
+    let bounds = [radius.smallest(), radius.largest()];
+    Radii::by_law::<2>(&law.0, by(law.1), bounds).unwrap_or(Radii::List(vec![]))
+}
+
 /// What to fill a region with, by the seed.
 fn fill<'a>(
     group: &scene::Grains,
     material: u8,
     materials: &'a [Material],
 ) -> impl Fn(u64) -> Fill<'a> + use<'a> {
-    let radii = match group.radius {
-        Some(scene::Radius::Uniform([min, max])) => Radii::Uniform { min, max },
-        Some(scene::Radius::Constant(radius)) => Radii::Constant(radius),
-        None => Radii::List(Vec::new()),
-    };
+    let radii = group.radius.as_ref().map_or(Radii::List(Vec::new()), radii);
     let amount = match group.amount {
         scene::Amount::Count(count) => Amount::Count(count),
         scene::Amount::Mass(mass) => Amount::Mass(mass),
@@ -247,6 +314,11 @@ fn hash(scene: &Scene, k: usize) -> Result<String> {
         solidity: group.solidity,
         placement: &group.placement,
         material: &scene.materials[&group.material],
+        mixed: if mixture(scene, k) {
+            members(scene, k).map(|(_, group)| (group, &scene.materials[&group.material])).collect()
+        } else {
+            vec![]
+        },
         contacts: &scene.contacts,
         walls: scene.walls.iter().map(|wall| build::wall(scene, wall)).collect(),
         gravity: scene.gravity.vector::<2>().norm(),
@@ -279,7 +351,11 @@ fn take(table: &Path, hash: &str, fill: &Fill<'_>) -> Option<(Bed, Placed)> {
     if kept.hash != hash || kept.tables != hash_of_tables(table).ok()? {
         return None;
     }
-    let grains = packing::read_table(table, fill.material, fill.materials).ok()?;
+    let mut grains = packing::read_table(table, fill.material, fill.materials).ok()?;
+    if !kept.mixed.is_empty() {
+        let Particles { position, radius, .. } = grains;
+        grains = Particles::new(position, radius, kept.mixed, fill.materials).ok()?;
+    }
     let mut reader = csv::Reader::from_path(table_of_forces(table)).ok()?;
     let force = |row: Row| {
         let partner = row.other_grain.map(Partner::Grain).or(row.wall.map(Partner::Wall))?;
@@ -296,7 +372,9 @@ fn keep(table: &Path, hash: String, bed: &Bed, placed: &Placed) -> Result<()> {
     let forces = table_of_forces(table);
     write_forces(&forces, &placed.forces).map_err(|error| Error::file(&forces, "write", error.into()))?;
     let tables = hash_of_tables(table).map_err(|error| Error::file(table, "read", error))?;
-    let kept = Kept { hash, tables, bed: bed.clone() };
+    let of = &placed.grains.material;
+    let mixed = if of.iter().all(|m| *m == of[0]) { vec![] } else { of.clone() };
+    let kept = Kept { hash, tables, mixed, bed: bed.clone() };
     write_whole(&label(table), |file| serde_json::to_writer_pretty(file, &kept).map_err(Into::into))
 }
 

@@ -2,7 +2,7 @@
 
 use super::document::{self, fill};
 use super::edit::edit;
-use super::{Contacts, Coupling, MeshSource, Placement, Scene, check};
+use super::{Contacts, Coupling, MeshSource, Motion, Placement, Scene, check};
 use std::fs;
 use std::path::{Path, PathBuf};
 use voidage_coupling::closure::HeatTransfer;
@@ -46,6 +46,7 @@ impl Scene {
         scene.origin = origin;
         check::structure(&scene)?;
         scene.resolve();
+        scene.read_motions()?;
         check::walls(&scene)?;
         scene.lay_walls()?;
         check::values(&scene)?;
@@ -76,6 +77,35 @@ impl Scene {
         if let Some(heat) = self.fluid.as_mut().and_then(|fluid| fluid.heat.as_mut()) {
             heat.reference_temperature.get_or_insert(heat.initial_temperature);
         }
+    }
+
+    /// Reads the tables of motions, which then are part of the scene.
+    fn read_motions(&mut self) -> std::result::Result<(), Box<SceneError>> {
+        let folder = self.origin.folder().to_path_buf();
+        let mut read = Vec::new();
+        for (k, wall) in self.walls.iter().enumerate() {
+            let Some(Motion::Table(table)) = &wall.motion else { continue };
+            let Some(file) = &table.file else { continue };
+            let path = format!("walls[{k}].motion.table.file");
+            if !table.rows.is_empty() {
+                let message = format!("`{path}` is there beside `rows`");
+                return Err(self.origin.error(&path, message, "take one of the two away"));
+            }
+            let rows = motion_rows(&folder.join(file)).map_err(|message| {
+                self.origin.error(
+                    &path,
+                    message,
+                    "give a CSV file with the header t,x,y,angle and a number in each column",
+                )
+            })?;
+            read.push((k, rows));
+        }
+        for (k, rows) in read {
+            if let Some(Motion::Table(table)) = &mut self.walls[k].motion {
+                (table.rows, table.file) = (rows, None);
+            }
+        }
+        Ok(())
     }
 
     fn files_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
@@ -131,4 +161,23 @@ impl Scene {
     pub fn error(&self, path: &str, message: impl Into<String>, help: impl Into<String>) -> Error {
         self.origin.error(path, message, help).into()
     }
+}
+
+/// The rows `t,x,y,angle` of a file, or what is wrong with it.
+fn motion_rows(file: &Path) -> std::result::Result<Vec<[f64; 4]>, String> {
+    let name = file.display();
+    let mut reader = csv::Reader::from_path(file).map_err(|error| format!("{name}: {error}"))?;
+    let header = reader.headers().map_err(|error| format!("{name}: {error}"))?;
+    if header.iter().map(str::trim).ne(["t", "x", "y", "angle"]) {
+        return Err(format!("{name}, line 1: the header is not t,x,y,angle"));
+    }
+    let mut rows = Vec::new();
+    for (k, row) in reader.records().enumerate() {
+        let row = row.map_err(|error| format!("{name}: {error}"))?;
+        let numbers: Vec<f64> = row.iter().filter_map(|text| text.trim().parse().ok()).collect();
+        let finite = numbers.iter().all(|number| number.is_finite());
+        let row = <[f64; 4]>::try_from(numbers).ok().filter(|_| finite);
+        rows.push(row.ok_or_else(|| format!("{name}, line {}: these are not four numbers", k + 2))?);
+    }
+    Ok(rows)
 }

@@ -1,11 +1,12 @@
 //! A scene in motion: what the program, the tests and the recorder drive.
 
-use crate::Scene;
 use crate::build;
 use crate::compare::{Findings, SideBySide};
+use crate::network::{self, Network, Since};
 use crate::placing::Placing;
 use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, Summary, View, column_name};
 use crate::totals::{Overlap, Totals};
+use crate::{Output, Scene};
 use serde::{Deserialize, Serialize};
 use voidage_coupling::backend::FluidBackend;
 use voidage_coupling::droplet::{Droplet, DropletState};
@@ -32,6 +33,11 @@ pub struct Simulation {
     surface: f64,
     /// Density, kg/m3, and heat capacity, J/m3/K, of the fluid; zero without.
     gas: (f64, f64),
+    /// What is recorded.
+    output: Output,
+    /// Times since which contacts carry a force; empty unless contacts are recorded.
+    since: Since,
+    network: Option<Network>,
 }
 
 /// All that a run needs to go on as if it had never stopped.
@@ -49,6 +55,7 @@ pub struct State {
     /// Of the grains at time zero.
     bed_weight_per_area: Option<f64>,
     surface: f64,
+    since: Since,
 }
 
 /// An error on the way to the end of a step, with the number of the step and the time at its start, s.
@@ -90,7 +97,21 @@ impl Simulation {
             let capacity = fluid.heat.as_ref().map_or(0.0, |heat| heat.heat_capacity);
             (fluid.density, fluid.density * capacity)
         });
-        Ok(Self { coupled, dt, last, totals, bed_weight_per_area, max_penetration, surface, gas })
+        let (output, since) = (scene.output.clone(), Since::new());
+        let network = Network::new(&output, &coupled, &since);
+        Ok(Self {
+            coupled,
+            dt,
+            last,
+            totals,
+            bed_weight_per_area,
+            max_penetration,
+            surface,
+            gas,
+            output,
+            since,
+            network,
+        })
     }
 
     /// The scene at a checkpoint, with the grains that it has: none are placed. After a change of `time.step` the steps count as if all
@@ -148,6 +169,7 @@ impl Simulation {
             interaction.carried = state.carried;
             interaction.departed = state.departed;
         }
+        self.since = state.since;
         Ok(self)
     }
 
@@ -239,6 +261,9 @@ impl Simulation {
         let report = self.coupled.step(self.dt).map_err(|error| in_step(step, time, error))?;
         self.last = report;
         self.totals.add(step, &report);
+        if let Some(grains) = self.coupled.grains().filter(|_| self.output.contacts) {
+            network::age(&mut self.since, grains, time);
+        }
         match Overlap::deepest(&report).filter(|overlap| overlap.depth > self.max_penetration) {
             Some(overlap) => Err(Error::Penetration(self.too_deep(overlap))),
             None => Ok(report),
@@ -286,15 +311,17 @@ impl Simulation {
         )
     }
 
-    /// Computes the voidage of the grains where they are now, for [`Self::view`].
+    /// Computes the voidage of the grains where they are now, and what is recorded of their contacts, for
+    /// [`Self::view`].
     ///
     /// # Errors
     /// A grain is outside the mesh.
     pub fn refresh(&mut self) -> Result<()> {
-        match self.coupled.mixture_mut() {
-            Some(mixture) => mixture.cut_grains(&mut StepReport::default()),
-            None => Ok(()),
+        if let Some(mixture) = self.coupled.mixture_mut() {
+            mixture.cut_grains(&mut StepReport::default())?;
         }
+        self.network = Network::new(&self.output, &self.coupled, &self.since);
+        Ok(())
     }
 
     /// Speed of the fastest grain, m/s; zero without grains.
@@ -324,7 +351,7 @@ impl Simulation {
             voidage: self.coupled.interaction().map(|i| i.load.voidage.as_slice()),
             scalars: &fluid.scalars,
         });
-        View { grains, fluid }
+        View { grains, fluid, network: self.network.as_ref() }
     }
 
     /// Columns of the series that the view does not show: how the last step went, and what passed the boundary in it; zeros before
@@ -345,6 +372,12 @@ impl Simulation {
                     readings.push((format!("wall_force_{name}_{axis}_N_per_m").into(), *force));
                 }
             }
+            for (wall, torque) in grains.walls().iter().zip(grains.wall_torque()) {
+                if wall.pivot(0.0).is_some() {
+                    readings.push((format!("wall_torque_{}_N", column_name(&wall.name)).into(), *torque));
+                }
+            }
+            readings.extend_from_slice(self.network.as_ref().map_or(&[], Network::readings));
         }
         if let Some(fluid) = self.coupled.fluid() {
             let report = last.fluid.unwrap_or_default();
@@ -455,6 +488,7 @@ impl Simulation {
             departed: coupled.interaction().map_or(0, |interaction| interaction.departed),
             bed_weight_per_area: self.bed_weight_per_area,
             surface: self.surface,
+            since: self.since.clone(),
         }
     }
 }

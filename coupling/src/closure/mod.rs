@@ -3,14 +3,20 @@
 //! All laws are written per solid volume V, so that they serve discs and spheres alike: gamma / V from the
 //! ratio (A/V) of a sphere, hA / V from its (S/V) (Henry et al., Eqs. 8-13).
 
+mod beetstra;
 mod dallavalle;
 mod di_felice;
+mod ergun;
 mod gidaspow;
 mod gunn;
 mod henry;
+mod koch_hill;
 mod migflow;
 mod ranz_marshall;
+mod rong;
+mod tang;
 mod wakao;
+mod wen_yu;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,6 +45,12 @@ impl Surroundings {
     /// Re_s = eps Re, with the superficial velocity.
     pub fn superficial_reynolds(&self) -> f64 {
         self.voidage * self.reynolds()
+    }
+
+    /// gamma / V, kg/m3/s, of a grain whose drag is `force` times Stokes' of a sphere in the superficial velocity, 3
+    /// pi eta d eps |u - v|: 18 eta eps / d^2 times it.
+    pub fn normalised(&self, force: f64) -> f64 {
+        18.0 * self.viscosity * self.voidage * force / (self.diameter * self.diameter)
     }
 }
 
@@ -88,17 +100,59 @@ pub enum Drag {
     /// Dallavalle (1948) with the voidage function (Henry et al., Eq. 12).
     #[default]
     Dallavalle,
-    /// Gidaspow (1994): Ergun below a voidage of 0.8, Wen and Yu above; uses no voidage function.
+    /// Di Felice (1994): Dallavalle with his own voidage function.
+    DiFelice,
+    /// Rong, Dong and Yu (2013): Dallavalle with a voidage function whose exponent grows with the voidage.
+    Rong,
+    /// Ergun (1952), at any voidage: packed beds.
+    Ergun,
+    /// Wen and Yu (1966), at any voidage: dilute suspensions.
+    WenYu,
+    /// Gidaspow (1994): Ergun below a voidage of 0.8, Wen and Yu above.
     Gidaspow,
+    /// Koch and Hill (2001): computed flow through random arrays of spheres.
+    KochHill,
+    /// Beetstra, van der Hoef and Kuipers (2007): the same, up to a Reynolds number of 1000.
+    Beetstra,
+    /// Tang et al. (2015): the same with finer grids.
+    Tang,
 }
 
 impl Drag {
+    /// All laws. Only `Dallavalle` uses the voidage function of the scene.
+    pub const ALL: [Self; 9] = [
+        Self::Dallavalle,
+        Self::DiFelice,
+        Self::Rong,
+        Self::Ergun,
+        Self::WenYu,
+        Self::Gidaspow,
+        Self::KochHill,
+        Self::Beetstra,
+        Self::Tang,
+    ];
+
     /// gamma / V, kg/m3/s: force on the grain per volume and slip velocity.
     pub fn coefficient(self, around: &Surroundings, g: VoidageFunction) -> f64 {
         match self {
             Self::Dallavalle => dallavalle::drag(around, g.value(around)),
+            Self::DiFelice => dallavalle::drag(around, VoidageFunction::DiFelice.value(around)),
+            Self::Rong => {
+                let g = rong::voidage_function(around.voidage, around.superficial_reynolds());
+                dallavalle::drag(around, g)
+            }
+            Self::Ergun => ergun::drag(around),
+            Self::WenYu => wen_yu::drag(around),
             Self::Gidaspow => gidaspow::drag(around),
+            Self::KochHill => koch_hill::drag(around),
+            Self::Beetstra => beetstra::drag(around),
+            Self::Tang => tang::drag(around),
         }
+    }
+
+    /// Drag on a grain over Stokes' of a sphere in the superficial velocity, 3 pi eta d eps |u - v|.
+    pub fn normalised(self, around: &Surroundings, g: VoidageFunction) -> f64 {
+        self.coefficient(around, g) / around.normalised(1.0)
     }
 }
 
@@ -136,47 +190,4 @@ impl HeatTransfer {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use approx::assert_relative_eq;
-
-    fn around(slip: f64, voidage: f64) -> Surroundings {
-        Surroundings { slip, voidage, diameter: 1e-3, density: 1.2, viscosity: 2e-5 }
-    }
-
-    #[test]
-    fn a_single_grain_at_rest_has_the_finite_drag_of_the_viscous_limit() {
-        // As |u - v| -> 0, C_d |u - v| -> 4.8^2 eta / (rho d): gamma / V = 3/4 23.04 eta / d^2.
-        let drag = Drag::Dallavalle.coefficient(&around(0.0, 1.0), VoidageFunction::Henry);
-        assert_relative_eq!(drag, 0.75 * 23.04 * 2e-5 / 1e-6, max_relative = 1e-14);
-    }
-
-    #[test]
-    fn drag_is_the_printed_coefficient() {
-        let x = around(0.7, 0.5);
-        for (g, exponent) in [
-            (VoidageFunction::Henry, -1.8 + (-(1.5 - 21f64.log10()).powi(2) / 2.0).exp()),
-            (VoidageFunction::HenryInterstitial, -1.8 + (-(1.5 - 42f64.log10()).powi(2) / 2.0).exp()),
-            (VoidageFunction::DiFelice, -1.7 + 0.65 * (-(1.5 - 21f64.log10()).powi(2) / 2.0).exp()),
-            (VoidageFunction::Migflow, -1.8 + 0.65 * (-(1.5 - 21f64.ln()).powi(2) / 2.0).exp()),
-            (VoidageFunction::None, 0.0),
-        ] {
-            let coefficient = 0.5f64.powf(exponent) * (0.63 + 4.8 / 21f64.sqrt()).powi(2);
-            let exact = 0.5 * 1.2 * 0.7 * coefficient * 1.5 / 1e-3;
-            assert_relative_eq!(Drag::Dallavalle.coefficient(&x, g), exact, max_relative = 1e-12);
-        }
-    }
-
-    #[test]
-    fn gidaspow_gives_the_pressure_drop_of_ergun() {
-        // Steady bed of set I: eps dp/dx = phi gamma/V w, w = U/eps; Ergun (1952) for dp/dx.
-        let (eps, speed) = (0.45, 0.3);
-        let x = around(speed / eps, eps);
-        let gradient =
-            (1.0 - eps) / eps * Drag::Gidaspow.coefficient(&x, VoidageFunction::None) * speed / eps;
-        let phi: f64 = 1.0 - eps;
-        let ergun = 150.0 * phi * phi * 2e-5 * speed / (eps.powi(3) * 1e-6)
-            + 1.75 * phi * 1.2 * speed * speed / (eps.powi(3) * 1e-3);
-        assert_relative_eq!(gradient, ergun, max_relative = 1e-12);
-    }
-}
+mod tests;

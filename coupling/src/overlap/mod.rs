@@ -8,7 +8,7 @@ mod disc;
 mod tests;
 mod voidage;
 
-pub use voidage::{LEAST_VOIDAGE, voidage};
+pub use voidage::{LEAST_VOIDAGE, density, voidage};
 
 use crate::exchange::Pieces;
 use disc::Point;

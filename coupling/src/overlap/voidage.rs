@@ -19,22 +19,40 @@ pub fn voidage<const D: usize>(
     nodal_volume: &[f64],
     out: &mut Vec<f64>,
 ) -> f64 {
+    spread(mesh, pieces, volume, out);
+    let total = out.iter().sum();
+    for (eps, nodal) in out.iter_mut().zip(nodal_volume) {
+        *eps = (1.0 - *eps / nodal).max(LEAST_VOIDAGE);
+    }
+    total
+}
+
+/// What bodies have, per volume at the nodes, averaged as the voidage is: sum_q A_q phi_a(x_q) / integral(phi_a), A_q
+/// the share of a piece in the `amount` of its body.
+pub fn density<const D: usize>(
+    mesh: &Mesh<D>,
+    pieces: &Pieces<D>,
+    amount: &[f64],
+    nodal_volume: &[f64],
+    out: &mut Vec<f64>,
+) {
+    spread(mesh, pieces, amount, out);
+    out.iter_mut().zip(nodal_volume).for_each(|(value, nodal)| *value /= nodal);
+}
+
+/// Gives each node its part of what bodies have, piece by piece.
+fn spread<const D: usize>(mesh: &Mesh<D>, pieces: &Pieces<D>, amount: &[f64], out: &mut Vec<f64>) {
     out.clear();
     out.resize(mesh.points.len(), 0.0);
-    for (body, &volume) in volume.iter().enumerate() {
+    for (body, &amount) in amount.iter().enumerate() {
         for q in pieces.of(body) {
             let nodes = mesh.cell(pieces.cell[q] as usize);
             let x: &Vector<D> = &pieces.coordinate[q];
-            let piece = volume * pieces.share[q];
+            let piece = amount * pieces.share[q];
             out[nodes[0] as usize] += piece * (1.0 - x.sum());
             for k in 0..D {
                 out[nodes[k + 1] as usize] += piece * x[k];
             }
         }
     }
-    let total = out.iter().sum();
-    for (eps, nodal) in out.iter_mut().zip(nodal_volume) {
-        *eps = (1.0 - *eps / nodal).max(LEAST_VOIDAGE);
-    }
-    total
 }

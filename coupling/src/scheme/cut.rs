@@ -70,8 +70,8 @@ pub struct Cut<T> {
 struct Mean<const D: usize> {
     /// Force of the fluid on each grain, N, and heat, W.
     grains: (Vec<Vector<D>>, Vec<f64>),
-    /// Force of the grains on each wall, N, and heat of the walls, W.
-    walls: (Vec<Vector<D>>, Vec<f64>),
+    /// Force of the grains on each wall, N, heat of the walls, W, and moment on them, N m.
+    walls: (Vec<Vector<D>>, Vec<f64>, Vec<f64>),
     /// The parts of the boundary.
     balances: Vec<Balance<D>>,
 }
@@ -96,6 +96,7 @@ impl<const D: usize> Mean<D> {
         add(&mut self.grains.1, &interaction.heat, share);
         add(&mut self.walls.0, grains.wall_force(), share);
         add(&mut self.walls.1, grains.wall_heat(), share);
+        add(&mut self.walls.2, grains.wall_torque(), share);
         let parts = &fluid.solution.balances;
         self.balances.resize(parts.len(), Balance::none(fluid.scalars.len()));
         for (sum, part) in self.balances.iter_mut().zip(parts) {
@@ -109,7 +110,7 @@ impl<const D: usize> Mean<D> {
     /// Puts the means in the place of what the last part gave.
     fn put(self, mixture: &mut Mixture<D>) {
         (mixture.interaction.force, mixture.interaction.heat) = self.grains;
-        mixture.grains.set_walls(self.walls.0, self.walls.1);
+        mixture.grains.set_walls(self.walls.0, self.walls.1, self.walls.2);
         mixture.fluid.solution.balances = self.balances;
     }
 }

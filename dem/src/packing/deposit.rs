@@ -3,7 +3,9 @@
 use super::source::Source;
 use super::{Amount, Fill, Method, Observer, Progress, Region, container, pour, solid_fraction, tell};
 use crate::error::{Error, Result, Rounded, check};
-use crate::{Contact, ContactForce, Dem, Load, Material, Motion, Particles, Partner, Settings, Vector, Wall};
+use crate::{
+    Contact, ContactForce, Dem, Load, Material, Motion, Particles, Partner, Settings, Side, Vector, Wall,
+};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -158,7 +160,9 @@ fn solver(region: &Region<2>, particles: Particles<2>, fill: &Fill<'_>, how: &De
         .map(|m| Material { restitution: 0.0, friction: how.friction.unwrap_or(m.friction), ..m.clone() })
         .collect();
     let friction = materials[fill.material as usize].friction;
-    let sides = container(region, &how.walls).into_iter().map(|side| Wall { friction, ..side });
+    let sides = container(region, &how.walls);
+    let first = sides.len() as u32;
+    let sides = sides.into_iter().map(|side| Wall { friction, ..side });
     let walls = sides.chain(how.walls.iter().map(|wall| Wall {
         points: wall.at(0.0),
         friction: how.friction.unwrap_or(wall.friction),
@@ -170,6 +174,12 @@ fn solver(region: &Region<2>, particles: Particles<2>, fill: &Fill<'_>, how: &De
     let walls = walls.collect();
     let particles = if how.rotation { particles.rotating() } else { particles };
     let mut settings = Settings { conduction: None, ..how.settings.clone() };
+    for pair in &mut settings.pairs {
+        (pair.friction, pair.restitution) = (how.friction.or(pair.friction), Some(0.0));
+        if let Side::Wall(wall) = &mut pair.other {
+            *wall += first;
+        }
+    }
     settings.gravity = Vector::<2>::new(0.0, -how.settings.gravity.norm());
     Dem::new(particles, walls, materials, settings)
 }

@@ -8,6 +8,7 @@ mod random;
 mod regular;
 mod rolling;
 mod room;
+mod sizes;
 mod source;
 mod table;
 #[cfg(test)]
@@ -19,6 +20,8 @@ pub use pour::{Method, pour};
 pub use random::random;
 pub use regular::{Lattice, lattice};
 pub use room::{check_deposit, check_lattice, check_random};
+pub use sizes::{By, SizeLaw};
+pub use source::mixed;
 pub use table::{read_table, write_table};
 
 use crate::error::{Error, Result, check};
@@ -49,8 +52,17 @@ pub enum Radii {
         /// Largest.
         max: f64,
     },
+    /// Shares of the number of grains up to these radii, from 0 to 1, linear between: [`Radii::by_law`].
+    Table {
+        /// Radii, increasing.
+        radius: Vec<f64>,
+        /// Share of the grains that are smaller.
+        share: Vec<f64>,
+    },
     /// These, drawn in this order; the list also bounds the number of grains.
     List(Vec<f64>),
+    /// These, each with its material, drawn in this order: [`mixed`]. The list also bounds the number of grains.
+    Mixed(Vec<(f64, u8)>),
 }
 
 /// How many grains.
@@ -102,6 +114,13 @@ impl Radii {
         let (min, max) = match self {
             Self::Constant(r) => (*r, *r),
             Self::Uniform { min, max } => (*min, *max),
+            Self::Table { radius, .. } => match radius.as_slice() {
+                [first, .., last] => (*first, *last),
+                _ => return Err(Error::Scene("a table of radii has two rows or more".into())),
+            },
+            Self::Mixed(list) => {
+                return Self::List(list.iter().map(|grain| grain.0).collect()).bounds();
+            }
             Self::List(list) if list.is_empty() => {
                 return Err(Error::Scene("the list of radii is empty".into()));
             }

@@ -57,7 +57,7 @@ pub fn pour(
     };
     // Apart from that of the radii, which are the same whatever places they go to.
     let rng = Pcg64::seed_from_u64(fill.seed ^ 0x706c_6163_6573);
-    let mut bed = Bed { region, ground, surface, waiting: vec![], rng };
+    let mut bed = Bed { region, ground, surface, waiting: vec![], numbers: vec![], placed: vec![], rng };
     let of = source.expected(region)?;
     loop {
         let done = bed.ground.lying.radius.len();
@@ -70,7 +70,7 @@ pub fn pour(
             Added::Full | Added::NoneLeft => break,
         }
     }
-    source.grains(bed.ground.lying.position, bed.ground.lying.radius)
+    source.grains_drawn(bed.ground.lying.position, bed.ground.lying.radius, &bed.placed)
 }
 
 /// A bed that grows.
@@ -81,6 +81,9 @@ struct Bed<'a> {
     surface: Option<Surface>,
     /// Radii drawn and not placed yet, in their order.
     waiting: Vec<f64>,
+    /// As the how-manieth each of them was drawn, and each of those that lie.
+    numbers: Vec<usize>,
+    placed: Vec<usize>,
     rng: Pcg64,
 }
 
@@ -98,6 +101,7 @@ impl Bed<'_> {
             && let Some(radius) = source.next()
         {
             self.waiting.push(radius);
+            self.numbers.push(self.placed.len() + self.numbers.len());
         }
         let Some(&radius) = self.waiting.first() else { return Added::NoneLeft };
         let found = match &mut self.surface {
@@ -107,6 +111,7 @@ impl Bed<'_> {
         let Some(place) = found else { return Added::Full };
         let (which, place) = self.choose(place);
         let radius = self.waiting.remove(which);
+        self.placed.push(self.numbers.remove(which));
         self.ground.lying.push(place, radius);
         if let Some(surface) = &mut self.surface {
             surface.raise(&place, radius);

@@ -70,7 +70,9 @@ fn equal(fill: &Fill<'_>) -> bool {
     match &fill.radii {
         Radii::Constant(_) => true,
         Radii::Uniform { min, max } => min == max,
+        Radii::Table { .. } => false,
         Radii::List(list) => list.iter().all(|r| *r == list[0]),
+        Radii::Mixed(list) => list.iter().all(|grain| grain.0 == list[0].0),
     }
 }
 

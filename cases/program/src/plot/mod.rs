@@ -164,6 +164,10 @@ fn snapshots(
         let path = folder.join(format!("snapshot-{:.3}s.png", moment.time));
         snapshot::draw(&path, scene, &Picture::read(moment, track)?, view)?;
         drawn.push(path);
+        let path = folder.join(format!("chains-{:.3}s.png", moment.time));
+        if snapshot::chains(&path, scene, moment)? {
+            drawn.push(path);
+        }
     }
     Ok(drawn)
 }

@@ -28,6 +28,8 @@ pub struct Moment {
     /// Frame of the grains.
     pub grains: Option<PathBuf>,
     fluid: Option<PathBuf>,
+    /// Frame of the contacts, if they are recorded.
+    pub contacts: Option<PathBuf>,
 }
 
 /// The moments that a folder has, in order.
@@ -36,14 +38,17 @@ pub fn moments(folder: &Path) -> Result<Vec<Moment>> {
         let path = folder.join(name);
         if path.is_file() { read_collection(&path) } else { Ok(Vec::new()) }
     };
-    let (grains, fluid) = (list("grains.pvd")?, list("fluid.pvd")?);
+    let (grains, fluid, contacts) = (list("grains.pvd")?, list("fluid.pvd")?, list("contacts.pvd")?);
     let mut times: Vec<f64> = grains.iter().chain(&fluid).map(|(time, _)| *time).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
     let at = |list: &[(f64, PathBuf)], time: f64| {
         list.iter().find(|(other, _)| *other == time).map(|(_, file)| file.clone())
     };
-    let moment = |time: f64| Moment { time, grains: at(&grains, time), fluid: at(&fluid, time) };
+    let moment = |time: f64| {
+        let (grains, fluid) = (at(&grains, time), at(&fluid, time));
+        Moment { time, grains, fluid, contacts: at(&contacts, time) }
+    };
     Ok(times.into_iter().map(moment).collect())
 }
 
@@ -235,6 +240,48 @@ pub fn draw(path: &Path, scene: &Scene, picture: &Picture, view: Option<&View>) 
         plane.save()?;
     }
     Ok(())
+}
+
+/// Draws the force chains of a moment: each contact as a bar as wide and as dark as its normal force; nothing where
+/// no contact presses.
+pub fn chains(path: &Path, scene: &Scene, moment: &Moment) -> Result<bool> {
+    let picture = Picture::read(moment, None)?;
+    let (Some(grains), Some(contacts)) = (&picture.grains, &moment.contacts) else { return Ok(false) };
+    let contacts = read_frame(contacts)?;
+    let force = contacts.column("normal_force_N_per_m").unwrap_or(&[]);
+    let [_, high] = inner(force, EXTREME);
+    if high <= 0.0 {
+        return Ok(false);
+    }
+    let name = "normal force at contacts (N/m)".to_owned();
+    let scale = Scale { name, gradient: colorous::YELLOW_ORANGE_RED, low: 0.0, high, part: [0.15, 1.0] };
+    let mut plane = Plane::new(path, picture.bounds(scene), &picture.title(), std::slice::from_ref(&scale))?;
+    let radius = grains.column("radius_m").unwrap_or(&[]);
+    let discs = || grains.points.iter().zip(radius);
+    plane.discs(discs().map(|([x, y, _], r)| ([*x, *y], *r, [232, 232, 232])));
+    let widest = 0.5 * radius.iter().sum::<f64>() / radius.len().max(1) as f64;
+    // The strongest lie on top.
+    let mut bars: Vec<(&[[f64; 3]], f64)> =
+        contacts.points.chunks_exact(2).zip(force.iter().copied().step_by(2)).collect();
+    bars.sort_by(|a, b| a.1.total_cmp(&b.1));
+    for (ends, force) in bars {
+        let [[x0, y0, _], [x1, y1, _]] = [ends[0], ends[1]];
+        let length = (x1 - x0).hypot(y1 - y0);
+        if force <= 0.0 || length == 0.0 {
+            continue;
+        }
+        let half = widest * (force / high).min(1.0);
+        let (u, v) = (-(y1 - y0) / length * half, (x1 - x0) / length * half);
+        let corners = [[x0 + u, y0 + v], [x1 + u, y1 + v], [x1 - u, y1 - v], [x0 - u, y0 - v]];
+        plane.polygon(&corners, scale.colour(force));
+    }
+    if picture.fluid.is_none() {
+        let walls =
+            scene.walls.iter().map(|wall| wall_at(scene, wall).at(picture.time).map(<[f64; 2]>::from));
+        plane.lines(walls.collect())?;
+    }
+    plane.save()?;
+    Ok(true)
 }
 
 /// Draws a moment into the pane of a plane.

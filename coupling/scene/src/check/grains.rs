@@ -4,10 +4,13 @@ use super::{
     Checked, coordinates, corners, distinct, fail, known, not_negative, positive, tolerance, within,
 };
 use crate::totals::DEEP;
-use crate::{Amount, Grains, Lattice, Material, MeshSource, Motion, Placement, Radius, Scene, Wall};
+use crate::{
+    Amount, Grains, Lattice, Material, MeshSource, Motion, MotionTable, Placement, Radius, Scene, Wall,
+};
 use std::path::Path;
 use voidage_coupling::Error;
-use voidage_dem::{Particles, Rounded, Vector, packing::read_table};
+use voidage_dem::packing::{By, Radii, SizeLaw, read_table};
+use voidage_dem::{Particles, Rounded, Vector};
 
 pub(super) fn check(scene: &Scene) -> Checked {
     for (name, material) in &scene.materials {
@@ -104,7 +107,7 @@ fn check_group(scene: &Scene, path: &str, group: &Grains) -> Checked {
             "take it away: all grains of the file are used",
         );
     }
-    if group.fixed && matches!(group.placement, Placement::Deposit(_)) {
+    if group.fixed && matches!(group.placement, Placement::Deposit(_) | Placement::With(_)) {
         let help = "place fixed grains on a lattice, at random or from a file";
         let message = format!("`{path}.fixed = true`: grains that are poured cannot be fixed");
         return fail(scene, &format!("{path}.fixed"), message, help);
@@ -128,12 +131,129 @@ fn check_radius(scene: &Scene, path: &str, group: &Grains) -> Checked {
             }
             Ok(())
         }
+        Some(Radius::LogNormal(law)) => {
+            let path = format!("{path}.radius.log-normal");
+            positive(scene, &format!("{path}.median"), law.median)?;
+            positive(scene, &format!("{path}.deviation"), law.deviation)?;
+            bounds_of_law(scene, &path, [law.smallest, law.largest])?;
+            let law_itself = SizeLaw::LogNormal { median: law.median, deviation: law.deviation };
+            some_between(scene, &path, &law_itself, [law.smallest, law.largest])
+        }
+        Some(Radius::RosinRammler(law)) => {
+            let path = format!("{path}.radius.rosin-rammler");
+            positive(scene, &format!("{path}.scale"), law.scale)?;
+            positive(scene, &format!("{path}.spread"), law.spread)?;
+            bounds_of_law(scene, &path, [law.smallest, law.largest])?;
+            let law_itself = SizeLaw::RosinRammler { scale: law.scale, spread: law.spread };
+            some_between(scene, &path, &law_itself, [law.smallest, law.largest])
+        }
+        Some(Radius::Sieve(sieve)) => {
+            check_sieve(scene, &format!("{path}.radius.sieve.passing"), &sieve.passing)
+        }
         None if in_file => Ok(()),
         None => {
             let help = "give `radius = {constant = r}` or `radius = {uniform = [smallest, largest]}`, in m";
             fail(scene, path, format!("`{path}` has no `radius`"), help)
         }
     }
+}
+
+/// Largest radius over smallest of a law of sizes.
+const WIDEST: f64 = 100.0;
+
+fn bounds_of_law(scene: &Scene, path: &str, [smallest, largest]: [f64; 2]) -> Checked {
+    positive(scene, &format!("{path}.smallest"), smallest)?;
+    if largest > smallest && largest <= WIDEST * smallest {
+        return Ok(());
+    }
+    let key = format!("{path}.largest");
+    let message = format!("`{key} = {largest}` is out of range");
+    let most = WIDEST * smallest;
+    fail(
+        scene,
+        &key,
+        message,
+        format!("give a radius above `smallest`, {smallest}, up to {WIDEST} times it, {most}"),
+    )
+}
+
+/// Something of a law lies between its bounds.
+fn some_between(scene: &Scene, path: &str, law: &SizeLaw, bounds: [f64; 2]) -> Checked {
+    let made = [By::Number, By::Mass].map(|by| Radii::by_law::<2>(law, by, bounds));
+    if made.iter().all(|radii| radii.is_ok()) {
+        return Ok(());
+    }
+    let message = format!("`{path}`: no grains of this law lie between {} m and {} m", bounds[0], bounds[1]);
+    fail(scene, path, message, "move `smallest` and `largest` to where the law has grains")
+}
+
+fn check_sieve(scene: &Scene, path: &str, passing: &[[f64; 2]]) -> Checked {
+    let help = "give rows `[opening, share]`: openings in m that increase, shares that increase from 0 to 1";
+    let wrong = |message: String| fail(scene, path, message, help);
+    let (Some(first), Some(last)) = (passing.first(), passing.last()) else {
+        return wrong(format!("`{path}` has no rows"));
+    };
+    if passing.len() < 2 || first[0] <= 0.0 || first[1] != 0.0 || last[1] != 1.0 {
+        return wrong(format!("`{path}` goes from {first:?} to {last:?}"));
+    }
+    match passing.windows(2).find(|rows| rows[1][0] <= rows[0][0] || rows[1][1] < rows[0][1]) {
+        Some(rows) => wrong(format!("`{path}`: {:?} comes after {:?}", rows[1], rows[0])),
+        None if last[0] > WIDEST * first[0] => {
+            wrong(format!("`{path}`: the largest opening is more than {WIDEST} times the smallest"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Pairs name materials, each pair once, and say something.
+fn check_pairs(scene: &Scene, contacts: &crate::Contacts) -> Checked {
+    let sorted = |pair: &crate::Pair| {
+        let mut names = pair.materials.clone();
+        names.sort();
+        names
+    };
+    for (k, pair) in contacts.pairs.iter().enumerate() {
+        let path = format!("contacts.pairs[{k}]");
+        for (side, name) in pair.materials.iter().enumerate() {
+            known(scene, &format!("{path}.materials[{side}]"), name, &material_names(scene), "material")?;
+        }
+        let friction = format!("{path}.friction");
+        pair.friction.map_or(Ok(()), |value| not_negative(scene, &friction, value))?;
+        let restitution = format!("{path}.restitution");
+        pair.restitution.map_or(Ok(()), |value| within(scene, &restitution, value, 0.0, 1.0))?;
+        if pair.friction.is_none() && pair.restitution.is_none() {
+            let message = format!("`{path}` has neither `friction` nor `restitution`");
+            return fail(scene, &path, message, "give one of them, or take the pair away");
+        }
+        if contacts.pairs[..k].iter().any(|other| sorted(other) == sorted(pair)) {
+            let message = format!("`{path}.materials = {:?}` is there twice", pair.materials);
+            return fail(scene, &format!("{path}.materials"), message, "take one of the two away");
+        }
+    }
+    Ok(())
+}
+
+/// A group that is poured with another one: that one is poured, and both say how many they are.
+fn check_with(scene: &Scene, path: &str, group: usize, other: usize) -> Checked {
+    let key = format!("{path}.with");
+    let poured = |k: usize| matches!(scene.grains[k].placement, Placement::Deposit(_));
+    if other >= group || !poured(other) {
+        let earlier: Vec<usize> = (0..group).filter(|k| poured(*k)).collect();
+        let message = format!("`{key} = {other}` is no earlier group that is poured");
+        let help = match earlier.is_empty() {
+            true => "put a group with `placement.deposit` before this one".to_owned(),
+            false => format!("there are: {earlier:?}"),
+        };
+        return fail(scene, &key, message, help);
+    }
+    for k in [other, group] {
+        if scene.grains[k].amount == Amount::Fill {
+            let path = format!("grains[{k}].amount");
+            let message = format!("`{path} = \"fill\"`, but the group is part of a mixture");
+            return fail(scene, &path, message, "give a count or a mass");
+        }
+    }
+    Ok(())
 }
 
 fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
@@ -170,7 +290,31 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
             coordinates(scene, &format!("{path}.motion.oscillate.amplitude"), &way.amplitude)?;
             positive(scene, &format!("{path}.motion.oscillate.frequency"), way.frequency)
         }
+        Some(Motion::Table(table)) => check_table(scene, &format!("{path}.motion.table"), table),
         Some(Motion::Rotate(way)) => coordinates(scene, &format!("{path}.motion.rotate.centre"), &way.centre),
+    }
+}
+
+/// The rows of a motion, as they are in the scene or were read from a file.
+fn check_table(scene: &Scene, path: &str, table: &MotionTable) -> Checked {
+    if !table.centre.is_empty() {
+        coordinates(scene, &format!("{path}.centre"), &table.centre)?;
+    }
+    let key = format!("{path}.rows");
+    if table.rows.is_empty() {
+        return fail(
+            scene,
+            path,
+            format!("`{path}` has no rows"),
+            "give `rows = [[t, x, y, angle], ..]`, or a `file`",
+        );
+    }
+    match table.rows.windows(2).find(|rows| rows[1][0] <= rows[0][0]) {
+        None => Ok(()),
+        Some(rows) => {
+            let message = format!("`{key}`: the time {} comes after {}", rows[1][0], rows[0][0]);
+            fail(scene, &key, message, "give rows whose times increase")
+        }
     }
 }
 
@@ -223,6 +367,7 @@ fn check_contacts(scene: &Scene) -> Checked {
             "in the plane use \"henry\", \"henry-printed\" or \"line\"",
         );
     }
+    check_pairs(scene, contacts)?;
     match &contacts.cohesion {
         Some(cohesion) => {
             not_negative(scene, "contacts.cohesion.force", cohesion.force)?;
@@ -238,6 +383,12 @@ fn material_names(scene: &Scene) -> Vec<&str> {
 
 /// Grains start inside the mesh, off the walls, and apart from each other.
 fn check_places(scene: &Scene) -> Checked {
+    // Before the first group of a mixture is asked whether all of it fits.
+    for (i, group) in scene.grains.iter().enumerate() {
+        if let Placement::With(other) = group.placement {
+            check_with(scene, &format!("grains[{i}].placement"), i, other)?;
+        }
+    }
     for (i, group) in scene.grains.iter().enumerate() {
         let path = format!("grains[{i}].placement");
         match &group.placement {
@@ -246,6 +397,7 @@ fn check_places(scene: &Scene) -> Checked {
                 let key = format!("{path}.deposit.friction");
                 place.friction.map_or(Ok(()), |friction| not_negative(scene, &key, friction))?;
             }
+            Placement::With(_) => {}
             Placement::Random(place) => {
                 check_box(scene, &format!("{path}.random"), &place.lower.0, &place.upper.0)?
             }

@@ -195,6 +195,12 @@ fn output(scene: &Scene) -> Checked {
     for (i, time) in output.snapshots.iter().enumerate() {
         not_negative(scene, &format!("output.snapshots[{i}]"), *time)?;
     }
+    for (key, asked) in [("output.contacts", output.contacts), ("output.stress", output.stress)] {
+        if asked && scene.grains.is_empty() {
+            let message = format!("`{key} = true`, but there are no grains");
+            return fail(scene, key, message, "add `[[grains]]`, or take it away");
+        }
+    }
     if let Some(average) = &output.average {
         if scene.grains.is_empty() {
             let message = "`[output.average]` is there, but no grains";

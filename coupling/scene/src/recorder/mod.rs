@@ -27,5 +27,5 @@ pub use recording::{CHECKPOINT, Due, FAILED, Kept, Reading, Recording, readings}
 pub use series::Series;
 pub use summary::Summary;
 pub use view::{FluidView, GrainView, View, column_name, with_unit};
-pub use vtk::{Column, Values, write_grains, write_mesh};
+pub use vtk::{Column, Values, write_grains, write_lines, write_mesh};
 pub use vtk_read::{Frame, FrameColumn, read_collection, read_frame};

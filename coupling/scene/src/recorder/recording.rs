@@ -2,8 +2,9 @@
 
 use super::{
     Averages, Checkpoint, Collection, Column, FluidView, GrainView, OutputFolder, Series, Stamp, View,
-    create_folder, with_unit, write_grains, write_mesh, write_whole,
+    create_folder, with_unit, write_grains, write_lines, write_mesh, write_whole,
 };
+use crate::network::{COMPONENTS, Network, StressColumns};
 use crate::{Output, Scene};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -64,6 +65,7 @@ pub struct Recording {
     series: Series,
     grains: Collection,
     fluid: Collection,
+    contacts: Collection,
     averages: Option<Averages>,
 }
 
@@ -81,7 +83,7 @@ impl Recording {
         let at = |name: &str| folder.path().join(name);
         create_folder(&at("frames"))?;
         let series = Series::create(&at("series.csv"), &columns(scene, view, readings))?;
-        let collections = (Collection::new(&at("grains.pvd")), Collection::new(&at("fluid.pvd")));
+        let collections = ["grains.pvd", "fluid.pvd", "contacts.pvd"].map(|name| Collection::new(&at(name)));
         let averages = kept_averages(scene, view, checkpoint)?;
         let mut recording = Recording::new(folder, scene, series, collections, averages)?;
         match checkpoint {
@@ -105,9 +107,10 @@ impl Recording {
         let series = Series::resume(&at("series.csv"), &columns(scene, view, readings), time)?;
         let grains = Collection::resume(&at("grains.pvd"), time)?;
         let fluid = Collection::resume(&at("fluid.pvd"), time)?;
-        folder.reopen(|frame| grains.has(frame) || fluid.has(frame))?;
+        let contacts = Collection::resume(&at("contacts.pvd"), time)?;
+        folder.reopen(|frame| grains.has(frame) || fluid.has(frame) || contacts.has(frame))?;
         let averages = kept_averages(scene, view, Some(checkpoint))?;
-        let recording = Recording::new(folder, scene, series, (grains, fluid), averages)?;
+        let recording = Recording::new(folder, scene, series, [grains, fluid, contacts], averages)?;
         recording.write_averages()?;
         Ok(recording)
     }
@@ -116,7 +119,7 @@ impl Recording {
         folder: OutputFolder,
         scene: &Scene,
         series: Series,
-        (grains, fluid): (Collection, Collection),
+        [grains, fluid, contacts]: [Collection; 3],
         averages: Option<Averages>,
     ) -> Result<Recording> {
         let text = scene.to_toml()?;
@@ -130,6 +133,7 @@ impl Recording {
             series,
             grains,
             fluid,
+            contacts,
             averages,
         })
     }
@@ -194,15 +198,23 @@ impl Recording {
 
     /// Writes a ParaView frame, unless this time has one.
     pub fn frame<const D: usize>(&mut self, step: u64, time: f64, view: &View<D>) -> Result<()> {
+        let stress = view.network.and_then(|network| network.stress.as_ref());
         if let Some(grains) = view.grains.filter(|_| self.grains.last_time() != Some(time)) {
             let name = PathBuf::from(format!("frames/grains-{step:08}.vtp"));
-            grains.write(&self.folder().join(&name))?;
+            grains.write(&self.folder().join(&name), stress)?;
             self.grains.push(time, name)?;
         }
         if let Some(fluid) = view.fluid.filter(|_| self.fluid.last_time() != Some(time)) {
             let name = PathBuf::from(format!("frames/fluid-{step:08}.vtu"));
-            fluid.write(&self.folder().join(&name))?;
+            fluid.write(&self.folder().join(&name), stress)?;
             self.fluid.push(time, name)?;
+        }
+        let contacts =
+            view.network.filter(|_| self.output.contacts && self.contacts.last_time() != Some(time));
+        if let Some(contacts) = contacts {
+            let name = PathBuf::from(format!("frames/contacts-{step:08}.vtp"));
+            contacts.write(&self.folder().join(&name))?;
+            self.contacts.push(time, name)?;
         }
         Ok(())
     }
@@ -307,7 +319,7 @@ fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Option<Averages> {
 
 impl<const D: usize> GrainView<'_, D> {
     /// Writes a VTP file.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path, stress: Option<&StressColumns>) -> Result<()> {
         let mut columns = vec![
             Column::integers("id", self.id),
             Column::scalars("radius_m", self.radius),
@@ -315,13 +327,20 @@ impl<const D: usize> GrainView<'_, D> {
         ];
         columns.extend(self.spin.map(|spin| Column::scalars("spin_rad_per_s", spin)));
         columns.extend(self.temperature.map(|temperature| Column::scalars("temperature_K", temperature)));
+        let names = COMPONENTS.map(|name| format!("stress_{name}_Pa"));
+        if let Some(stress) = stress {
+            columns.extend(
+                names.iter().zip(&stress.of_grains).map(|(name, values)| Column::scalars(name, values)),
+            );
+            columns.push(Column::scalars("coordination", &stress.coordination));
+        }
         write_grains(path, self.position, &columns)
     }
 }
 
 impl<const D: usize> FluidView<'_, D> {
     /// Writes a VTU file.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path, stress: Option<&StressColumns>) -> Result<()> {
         let mut columns = vec![
             Column::vectors("velocity_m_per_s", &self.fields.velocity),
             Column::scalars("pressure_Pa", &self.fields.pressure),
@@ -330,6 +349,23 @@ impl<const D: usize> FluidView<'_, D> {
         let names: Vec<String> = self.scalars.iter().map(|name| with_unit(name)).collect();
         let scalars = names.iter().zip(&self.fields.scalars);
         columns.extend(scalars.map(|(name, values)| Column::scalars(name, values)));
+        let components = COMPONENTS.map(|name| format!("grain_stress_{name}_Pa"));
+        let at_nodes = stress.iter().flat_map(|stress| &stress.at_nodes).filter(|values| !values.is_empty());
+        columns.extend(components.iter().zip(at_nodes).map(|(name, values)| Column::scalars(name, values)));
         write_mesh(path, &self.mesh.points, &self.mesh.cells, &columns)
+    }
+}
+
+impl Network {
+    /// Writes a VTP file of lines.
+    fn write(&self, path: &Path) -> Result<()> {
+        let columns = [
+            Column::scalars("normal_force_N_per_m", &self.normal_force),
+            Column::scalars("tangential_force_N_per_m", &self.tangential_force),
+            Column::scalars("gap_m", &self.gap),
+            Column::scalars("heat_W_per_m", &self.heat),
+            Column::scalars("age_s", &self.age),
+        ];
+        write_lines::<2>(path, &self.ends, &columns)
     }
 }

@@ -1,6 +1,7 @@
 //! What the recorder sees of a simulation: slices, and what follows from them.
 
 use super::Reading;
+use crate::network::Network;
 use nalgebra::SVector;
 use voidage_coupling::TEMPERATURE;
 use voidage_fluid::Mesh;
@@ -13,6 +14,8 @@ pub struct View<'a, const D: usize> {
     pub grains: Option<GrainView<'a, D>>,
     /// The fluid, if there is one.
     pub fluid: Option<FluidView<'a, D>>,
+    /// Contacts and stresses, if they are recorded.
+    pub network: Option<&'a Network>,
 }
 
 /// Columns of the grains.

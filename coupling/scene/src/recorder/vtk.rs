@@ -86,6 +86,25 @@ pub fn write_grains<const D: usize>(
     write_whole(path, |file| parts.write(file))
 }
 
+/// Writes straight lines, two points each.
+pub fn write_lines<const D: usize>(
+    path: &Path,
+    ends: &[SVector<f64, D>],
+    columns: &[Column<D>],
+) -> Result<()> {
+    let count = ends.len() / 2;
+    let numbers: Vec<u32> = (0..2 * count as u32).collect();
+    let offsets: Vec<u32> = (1..=count as u32).map(|line| 2 * line).collect();
+    let parts = Parts {
+        kind: "PolyData",
+        counts: format!("NumberOfPoints=\"{}\" NumberOfLines=\"{count}\"", 2 * count),
+        points: ends,
+        columns,
+        topology: ("Lines", vec![("connectivity", &numbers), ("offsets", &offsets)]),
+    };
+    write_whole(path, |file| parts.write(file))
+}
+
 struct Parts<'a, const D: usize> {
     kind: &'a str,
     counts: String,
