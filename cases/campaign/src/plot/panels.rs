@@ -417,7 +417,7 @@ mod tests {
     fn ticks_of_a_logarithmic_axis_are_round() {
         let said = |low: f64, high: f64| {
             let ticks = ticks(true, low, high);
-            places_of_ticks(true, low, high, 6).iter().map(|place| ticks(place)).collect::<Vec<_>>()
+            places_of_ticks(true, low, high, 6).iter().map(ticks).collect::<Vec<_>>()
         };
         // They were 0.00032, 0.0010, 0.0032.
         assert_eq!(said(-2.2, -0.9), ["0.01", "0.02", "0.05", "0.1"]);
