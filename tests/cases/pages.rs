@@ -52,7 +52,7 @@ fn the_pages_of_keys_are_those_of_the_program() {
             let anchor = |heading: &str| {
                 heading
                     .chars()
-                    .filter(|c| c.is_alphanumeric() || *c == '_')
+                    .filter(|c| c.is_alphanumeric() || "_-".contains(*c))
                     .collect::<String>()
                     .to_lowercase()
             };
