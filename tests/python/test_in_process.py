@@ -59,35 +59,6 @@ def test_a_droplet_boils_away_in_a_solver_in_this_process():
         )
 
 
-def test_a_droplet_shows_its_state_and_its_books():
-    assert voidage.Simulation(BED).droplet is None
-    simulation = voidage.Simulation(DROPLET, ["fluid.solver.tolerance=1e-12"])
-    first = simulation.droplet
-    assert first["mass"] == pytest.approx(958.4 * first["liquid"]) and not first["gone"]
-    np.testing.assert_allclose(first["centre"], [0.0015, 0.002], rtol=0, atol=1e-15)
-    np.testing.assert_array_equal(first["velocity"], [0.02, -0.1])
-    dt = simulation.dt
-    for _ in range(5):
-        old = simulation.droplet
-        simulation.step()
-        new = simulation.droplet
-        np.testing.assert_allclose(new["centre"] - old["centre"], dt * new["velocity"], rtol=1e-9)
-        boils = (old["mass"] - new["mass"]) / dt
-        assert boils > 0 and new["vaporisation"] == pytest.approx(boils, rel=1e-9)
-        assert new["gas_heat"] > 0 and new["grain_heat"] > 0 and new["grain_force"].any()
-
-        weight = 9.81 * first["mass"] * simulation.time
-        assert abs(new["momentum_defect"]).max() < 1e-10 * weight
-        assert abs(new["water_defect"]) < 1e-12 * first["mass"]
-        heat = 2.257e6 * (first["mass"] - new["mass"])
-        assert abs(new["heat_defect"]) < 1e-10 * heat
-    assert not new["centre"].flags.writeable
-    gone = voidage.Simulation(DROPLET.with_name("boils-away.toml"))
-    gone.run(until=6e-4)
-    assert gone.droplet["gone"] and gone.droplet["vaporisation"] == 0
-    assert abs(gone.droplet["heat_defect"]) < 1e-8 * 2.257e6 * first["mass"]
-
-
 def test_scikit_fem_agrees_with_rust():
     pytest.importorskip("skfem")
     from voidage.scikit_fem import ScikitFem

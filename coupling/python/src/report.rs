@@ -1,11 +1,8 @@
 //! What a step reports, as a dictionary.
 
-use crate::arrays::Column;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use voidage_coupling::StepReport;
-use voidage_coupling::droplet::Droplet;
-use voidage_fluid::Vector;
 
 /// The dictionary of a report; parts that the scene does not have are not there.
 pub fn dictionary<'py>(py: Python<'py>, report: &StepReport) -> PyResult<Bound<'py, PyDict>> {
@@ -32,40 +29,6 @@ pub fn dictionary<'py>(py: Python<'py>, report: &StepReport) -> PyResult<Bound<'
             all.set_item(name, defect)?;
         }
     }
-    Ok(all)
-}
-
-/// The dictionary of a droplet: where it is, what it did in the last step, and what its books lack.
-pub fn droplet<'py>(py: Python<'py>, droplet: &Droplet<2>) -> PyResult<Bound<'py, PyDict>> {
-    let all = PyDict::new(py);
-    let (state, settled) = (&droplet.state, &droplet.settled);
-    let vectors: [(&str, Vector<2>); 6] = [
-        ("centre", state.centre),
-        ("velocity", state.velocity),
-        ("gas_force", state.force),
-        ("grain_force", settled.force),
-        ("grain_pressure_force", -settled.pressed),
-        ("momentum_defect", droplet.momentum_defect()),
-    ];
-    for (name, vector) in vectors {
-        all.set_item(name, Column::from(vector.as_slice()).into_array(py)?)?;
-    }
-    let density = droplet.material.water.density;
-    let numbers = [
-        ("radius", state.radius),
-        ("liquid", state.liquid),
-        ("mass", droplet.mass()),
-        ("vaporisation", droplet.vaporisation()),
-        ("gas_heat", state.heat),
-        ("grain_heat", settled.heat),
-        ("water_defect", density * (droplet.first - state.boiled - state.liquid)),
-        ("heat_defect", droplet.heat_defect()),
-        ("volume_defect", state.volume),
-    ];
-    for (name, number) in numbers {
-        all.set_item(name, number)?;
-    }
-    all.set_item("gone", state.gone)?;
     Ok(all)
 }
 

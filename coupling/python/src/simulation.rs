@@ -144,14 +144,6 @@ impl Simulation {
         self.inner().coupled().fluid().map(|fluid| Mesh::new(py, &fluid.mesh)).transpose()
     }
 
-    /// The droplet, a dictionary; None without one.
-    #[getter]
-    fn droplet<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let fluid = self.inner().coupled().fluid();
-        let droplet = fluid.and_then(|fluid| fluid.droplet.as_deref());
-        droplet.map(|droplet| report::droplet(py, droplet)).transpose()
-    }
-
     /// Writes a checkpoint to the file `path`; `Simulation(.., restart=path)` and `voidage run --restart` go on from it
     /// bit for bit as this simulation does.
     fn checkpoint(&mut self, py: Python<'_>, path: PathBuf) -> PyResult<()> {

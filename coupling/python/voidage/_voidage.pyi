@@ -121,14 +121,6 @@ class Simulation:
     @property
     def mesh(self) -> Mesh | None:
         """The mesh of the fluid."""
-    @property
-    def droplet(self) -> dict[str, Any] | None:
-        """The droplet, None without one; per metre of depth. Where it is: centre m and velocity m/s,
-        (D); radius m, liquid m2, mass of the liquid kg, gone (whether it has boiled away). What it
-        did in the last step: gas_force, grain_force (drag) and grain_pressure_force on it N, (D);
-        gas_heat and grain_heat to it W, vaporisation kg/s. What its books since time zero lack,
-        rounding: water_defect kg, momentum_defect N s, (D), heat_defect J; and the volume that gas
-        and droplet disagree about and carry on, volume_defect m2."""
 
 @final
 class Columns:
