@@ -456,7 +456,7 @@ fn every_mistake_is_named_with_its_place_and_its_remedy() {
         if !missing.is_empty() {
             wrong.push(format!("{what}: {missing:?} is not in\n{said}"));
         }
-        assert!(!folder.path().join("out").exists(), "{what}: results of a broken scene");
+        assert!(!folder.path().join("out/scene.toml").exists(), "{what}: results of a broken scene");
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(MISTAKES.len() >= 25);

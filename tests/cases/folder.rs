@@ -196,8 +196,8 @@ fn a_run_that_fails_leaves_its_last_state_and_its_pictures() {
     fs::write(
         folder.path().join("dies.py"),
         "import numpy as np\nfrom voidage import Fields, Solution, Solver\n\n\nclass Dies(Solver):\n    def set_mesh(self, problem):\n        \
-         self.fields = problem.fields\n\n    def solve(self, step):\n        if step.number > 7:\n            \
-         raise RuntimeError('no more')\n        return Solution(self.fields)\n\n    def accept(self):\n        pass\n",
+         self.fields = problem.fields\n        self.done = 0\n\n    def solve(self, step):\n        if self.done >= 7:\n            \
+         raise RuntimeError('no more')\n        return Solution(self.fields)\n\n    def accept(self):\n        self.done += 1\n",
     )
     .unwrap();
     let none = ["--set", "output.checkpoint_interval=500", "--set", "output.average.from=0.0"];
