@@ -46,10 +46,15 @@ pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     Ok(0)
 }
 
-/// The scene at time zero. A fluid solver in another process is not started.
+/// The scene at time zero. A fluid solver in another process is not started, and beds do not settle: that takes minutes for a large one.
 fn build(scene: &Scene) -> Result<Simulation> {
     let mut here = scene.clone();
     here.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
+    for group in &mut here.grains {
+        if let Placement::Deposit(deposit) = &mut group.placement {
+            deposit.settle = false;
+        }
+    }
     let ending = Ending::watched(catch_interrupts()?);
     let mut placing = placing::watched(None, ending.flag(), false);
     let mut simulation = Simulation::placed(&here, &Host::default(), &mut placing)?;
