@@ -408,24 +408,37 @@ fn a_run_records_contacts_and_draws_force_chains() {
 
 // ------------------------------------------------------------------------------------------------ walls
 
-#[test]
-fn what_walls_give_is_the_change_of_the_momentum_of_the_grains() {
-    let scene = scene("stirred-bed/scene.toml", &[]);
-    let mut simulation = Simulation::new(&scene).unwrap();
+/// Takes a step of 1 ms, and returns what the change of the momentum of the grains differs by from what walls and gravity give,
+/// over the impulse of gravity.
+fn momentum_defect(simulation: &mut Simulation) -> f64 {
     let momentum = |simulation: &Simulation| -> Vector<2> {
         let particles = &simulation.coupled().grains().unwrap().particles;
         particles.mass.iter().zip(&particles.velocity).map(|(m, v)| v * *m).sum()
     };
+    let before = momentum(simulation);
+    simulation.step().unwrap();
+    let grains = simulation.coupled().grains().unwrap();
+    let mass: f64 = grains.particles.mass.iter().sum();
+    let walls: Vector<2> = grains.wall_force().iter().sum();
+    let force = Vector::<2>::new(0.0, -G * mass) - walls;
+    (momentum(simulation) - before - force * 1e-3).norm() / (G * mass * 1e-3)
+}
+
+/// What rests is balanced up to a share that goes with the root of the tolerance.
+#[test]
+fn what_walls_give_is_the_change_of_the_momentum_of_the_grains() {
+    let precise = scene("stirred-bed/scene.toml", &["contacts.tolerance=1e-20", "contacts.max_sweeps=50"]);
+    let mut simulation = Simulation::new(&precise).unwrap();
+    for _ in 0..100 {
+        let defect = momentum_defect(&mut simulation);
+        assert!(defect < 2e-12, "step {}: {defect}", simulation.steps());
+    }
+    let scene = scene("stirred-bed/scene.toml", &[]);
+    let mut simulation = Simulation::new(&scene).unwrap();
     let (mut turned, mut given) = (0.0, 0.0f64);
     for _ in 0..900 {
-        let before = momentum(&simulation);
-        simulation.step().unwrap();
-        let grains = simulation.coupled().grains().unwrap();
-        let mass: f64 = grains.particles.mass.iter().sum();
-        let walls: Vector<2> = grains.wall_force().iter().sum();
-        let force = Vector::<2>::new(0.0, -G * mass) - walls;
-        let defect = (momentum(&simulation) - before - force * 1e-3).norm();
-        assert!(defect < 1e-12 * G * mass * 1e-3, "step {}: {defect}", simulation.steps());
+        let defect = momentum_defect(&mut simulation);
+        assert!(defect < 1e-3, "step {}: {defect}", simulation.steps());
         let torque = reading(&simulation, "wall_torque_bar_N");
         if simulation.steps() <= 500 {
             given = given.max(torque.abs());
