@@ -52,15 +52,17 @@ fn absent_tables_are_parts_that_are_off_and_defaults_are_filled_in() {
 
 #[test]
 fn options_set_values_by_path_number_and_variant() {
-    let scene = parse(&[
+    // A material of which nothing is made is an error.
+    let text = GRAIN.replace("materials.glass", "materials.steel");
+    let sets = [
         "title=two words",
         "grains.0.solidity=0.5",
         "grains[0].radius.uniform=[1e-3, 2e-3]",
         "materials.steel.density=7800",
         "grains[0].material=steel",
         "contacts.rotation=false",
-    ]);
-    let scene = scene.unwrap();
+    ];
+    let scene = Scene::parse(Path::new("grain.toml"), &text, &sets.map(String::from)).unwrap();
     assert_eq!(scene.title, "two words");
     assert_eq!(scene.grains[0].solidity, 0.5);
     assert_eq!(scene.grains[0].radius, Some(Radius::Uniform([1e-3, 2e-3])));

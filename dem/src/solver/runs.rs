@@ -301,7 +301,10 @@ impl<const D: usize> Problem<D> {
         let grows = stopping.whole || look.comes_back * stopping.step * stopping.step > GROWS;
         let settled = if changed <= FEW && grows { SETTLED * enough } else { enough };
         let (seen, mut smooth, mut work) = (look.rough + trend, 0.0, self.contacts.len());
-        let near = look.rough <= enough && look.closing <= stopping.closing && stopping.rest > 0.0;
+        let at_rest = stopping.rest.powi(2) * scale;
+        // Who closes on others and has not been pushed yet does not rest.
+        let near =
+            look.rough <= enough.min(at_rest) && look.closing <= stopping.closing && stopping.rest > 0.0;
         let moving = if near { self.mark_moving(grains.moving) } else { 1.0 };
         let rest = moving <= FEW_MOVE;
         let measured = match measure {
@@ -317,7 +320,7 @@ impl<const D: usize> Problem<D> {
             work += MEASURE * self.contacts.len();
         }
         let energy = match rest {
-            true => seen + stopping.rest.powi(2) * scale,
+            true => seen + at_rest,
             false if measured || seen > enough => seen + smooth,
             false => seen.max(most),
         };
