@@ -312,11 +312,10 @@ impl<const D: usize> Dem<D> {
         let n = self.particles.len();
         let mut problem = std::mem::take(&mut self.problem);
         let search = std::mem::take(&mut self.search);
+        self.turn_walls(&search, &problem);
         let scene = self.scene(h, load);
         scene.set_free(&search.grid.grain_of, &problem.bodies);
         problem.apply_impulses();
-        self.turn_walls(&search, &problem);
-        let scene = self.scene(h, load);
         let (repair, outcome) = match repair::needed(&problem) {
             true => {
                 repair::repair(&mut problem, &scene, &search.grid.grain_of, &self.stopping([h, step], load))

@@ -93,8 +93,9 @@ const SHORT: [&str; 4] = ["--out", "out", "--set", "time.end=0.01"];
 #[test]
 fn a_second_run_is_refused_and_one_that_overwrites_leaves_nothing_of_the_first() {
     let folder = folder();
-    good(folder.path(), &["--out", "out"]);
+    good(folder.path(), &["--out", "out", "--set", "output.contacts=true"]);
     let out = folder.path().join("out");
+    assert!(out.join("contacts.pvd").exists() && out.join("chains-0.020s.png").exists());
     fs::write(out.join("notes.txt"), "mine").unwrap();
     let before = contents(&out);
     refused(folder.path(), &SHORT, &["holds the results of an earlier run", "--overwrite", "--restart"]);

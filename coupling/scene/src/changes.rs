@@ -27,6 +27,8 @@ const MAY_CHANGE: &[&str] = &[
     "contacts.max_travel",
     "contacts.max_substeps",
     "contacts.cohesion.force",
+    "contacts.pairs.*.friction",
+    "contacts.pairs.*.restitution",
     "coupling.scheme",
     "coupling.iteration",
     "coupling.cut",

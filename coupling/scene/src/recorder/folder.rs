@@ -37,13 +37,14 @@ pub struct OutputFolder {
 }
 
 /// Files that each run makes, but for beds, which any run may take.
-const FILES: [&str; 9] = [
+const FILES: [&str; 10] = [
     "scene.toml",
     "series.csv",
     "summary.json",
     "averages.csv",
     "grains.pvd",
     "fluid.pvd",
+    "contacts.pvd",
     "temperature_fit.json",
     CHECKPOINT,
     FAILED,
@@ -68,16 +69,16 @@ const PICTURES: [&str; 13] = [
 
 /// Whether a file is a picture of a run.
 fn is_picture(name: &str) -> bool {
-    PICTURES.contains(&name) || (name.starts_with("snapshot-") && name.ends_with("s.png"))
+    let at_times = ["snapshot-", "chains-"].iter().any(|start| name.starts_with(start));
+    PICTURES.contains(&name) || at_times && name.ends_with("s.png")
 }
 
 /// Whether a file in `frames` is a frame of a run.
 fn is_frame(name: &str) -> bool {
-    let number = |rest: &str, end: &str| {
-        rest.strip_suffix(end).is_some_and(|digits| digits.bytes().all(|c| c.is_ascii_digit()))
-    };
-    name.strip_prefix("grains-").is_some_and(|rest| number(rest, ".vtp"))
-        || name.strip_prefix("fluid-").is_some_and(|rest| number(rest, ".vtu"))
+    [("grains-", ".vtp"), ("fluid-", ".vtu"), ("contacts-", ".vtp")].iter().any(|(start, end)| {
+        let number = name.strip_prefix(start).and_then(|rest| rest.strip_suffix(end));
+        number.is_some_and(|digits| digits.bytes().all(|c| c.is_ascii_digit()))
+    })
 }
 
 /// The names in a folder that `of_interest` picks; none if there is no folder.
@@ -156,6 +157,7 @@ impl OutputFolder {
     /// One cannot be removed.
     pub fn clear(&self) -> Result<()> {
         self.remove(&self.path, |name| FILES.contains(&name) || is_picture(name))?;
+        self.remove(&self.path.join("film"), |name| name.starts_with("frame-") && name.ends_with(".png"))?;
         self.remove(&self.path.join("frames"), is_frame)
     }
 
