@@ -20,8 +20,8 @@ def test_the_campaign_finds_a_program_that_loses_results(tmp_path):
     liar.write_text(
         "#!/bin/sh\n"
         'while [ "$1" != --out ]; do shift; done\n'
-        'mkdir -p "$2"; cd "$2"; touch averages.csv checkpoint.voidage grains.pvd\n'
-        'date +%N >series.csv\n'
+        'mkdir -p "$2"; cd "$2"; touch averages.csv grains.pvd\n'
+        'date +%N >series.csv; date >checkpoint.voidage\n'
     )
     liar.chmod(0o755)
     rows, wrong = campaign.campaign(liar, count=1, seed=5)
