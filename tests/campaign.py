@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""What may happen to a run, on purpose: kills, stops, interrupts, two runs in one folder, corrupted files, wrong scenes, strangers
-that connect, and disks that are full.
+"""What may happen to a run, on purpose: kills, stops, interrupts, two runs in one folder, corrupted files, wrong
+scenes, meshes and tables, solvers that die or send anything, strangers that connect, and disks that are full.
 
-    tests/campaign.py --program target/release/voidage [--count 20] [--seed 1]
+    tests/campaign.py --program target/release/voidage [--count N | --share 1] [--seed 1]
 
-prints a table: how often each was tried, and how often the program did what it should. The exit code is 1 if it once did not.
+prints a table: how often each was tried, and how often the program did what it should. The exit code is 1 if it
+once did not.
 Nothing may be lost, nothing may go wrong in silence, and nothing may panic.
 """
 
@@ -17,6 +18,7 @@ import re
 import shutil
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -29,6 +31,60 @@ BED = Path(__file__).resolve().parent / "cases" / "bed.toml"
 OFTEN = ["--set", "output.checkpoint_interval=0.002"]
 #: A process that takes longer hangs, s.
 LONG = 60.0
+#: Header of a frame: coupling/remote/src/protocol/header.rs.
+HEADER = struct.Struct("<QIIQIIQIIdd8Q")
+MAGIC, VERSION = int.from_bytes(b"VOIDAGE.", "little"), 3
+
+#: A scene whose grains come from grains.csv and whose mesh comes from mesh.msh.
+FILES = """
+gravity = [0.0, -9.81]
+time = { step = 1e-3, end = 0.01 }
+materials.glass = { density = 2500.0, heat_capacity = 840.0 }
+
+[[grains]]
+material = "glass"
+placement = { csv = { file = "grains.csv" } }
+
+[fluid]
+density = 1.2
+viscosity = 2e-5
+mesh.file = "mesh.msh"
+heat = { heat_capacity = 1010.0, conductivity = 0.025, initial_temperature = 290.0 }
+boundaries = [{ name = "walls", flow = "no-slip" }, { name = "top", flow = "open", heat = "open" }]
+"""
+
+
+def mesh(n: int = 6, width: float = 0.03) -> str:
+    """A square of 2 n^2 triangles as Gmsh writes it, with the boundaries `walls` and `top`."""
+    number = lambda i, j: 1 + i + (n + 1) * j
+    points = [(i, j) for j in range(n + 1) for i in range(n + 1)]
+    top = [(number(i, n), number(i + 1, n)) for i in range(n)]
+    walls = [(number(i, 0), number(i + 1, 0)) for i in range(n)]
+    walls += [(number(i, j), number(i, j + 1)) for i in (0, n) for j in range(n)]
+    squares = [[number(i + a, j + b) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))] for i, j in points if i < n > j]
+    cells = [cell for a, b, c, d in squares for cell in ((a, b, c), (a, c, d))]
+    lines = ["$MeshFormat", "4.1 0 8", "$EndMeshFormat"]
+    lines += ["$PhysicalNames", "3", '1 1 "walls"', '1 2 "top"', '2 3 "fluid"', "$EndPhysicalNames"]
+    lines += ["$Entities", "0 2 1 0", "1 0 0 0 1 1 0 1 1 0", "2 0 0 0 1 1 0 1 2 0"]
+    all_of = len(points)
+    lines += ["1 0 0 0 1 1 0 1 3 0", "$EndEntities", "$Nodes", f"1 {all_of} 1 {all_of}", f"2 1 0 {all_of}"]
+    lines += [str(k + 1) for k in range(len(points))]
+    lines += [f"{width * i / n} {width * j / n} 0" for i, j in points]
+    count = len(walls) + len(top) + len(cells)
+    lines += ["$EndNodes", "$Elements", f"3 {count} 1 {count}"]
+    tag = 0
+    for head, nodes in (("1 1 1", walls), ("1 2 1", top), ("2 1 2", cells)):
+        lines.append(f"{head} {len(nodes)}")
+        for one in nodes:
+            tag += 1
+            lines.append(" ".join(map(str, (tag, *one))))
+    return "\n".join([*lines, "$EndElements", ""])
+
+
+def table(n: int = 5) -> str:
+    """Grains on a lattice, with velocities and temperatures."""
+    rows = [f"{0.004 + 0.005 * i},{0.004 + 0.005 * j},0.001,0,-0.01,300" for i in range(n) for j in range(n)]
+    return "\n".join(["x,y,r,vx,vy,T", *rows, ""])
 
 
 class Wrong(Exception):
@@ -145,9 +201,22 @@ class Campaign:
         more = ["--restart", "bad.voidage", "--set", "time.end=0.05"]
         self.ended(self.start(self.folder(), *OFTEN, *more), [2])
 
+    def mutate_files(self) -> None:
+        """A scene is checked or refused, in time, whose mesh or table of grains has a changed number, character or
+        line."""
+        texts = {"mesh.msh": mesh(), "grains.csv": table()}
+        changed = self.random.choice(list(texts))
+        texts[changed] = self.mutated(texts[changed])
+        for name, text in texts.items():
+            (self.work / name).write_text(text)
+        self.check(FILES)
+
     def mutate_scene(self) -> None:
         """A scene with a changed number, character or line is checked or refused, in time."""
-        text = BED.read_text()
+        self.check(self.mutated(BED.read_text()))
+
+    def mutated(self, text: str) -> str:
+        """A text with one change."""
         lines = text.splitlines()
         way = self.random.randrange(4)
         if way == 0:
@@ -165,42 +234,134 @@ class Campaign:
             at = self.random.randrange(len(lines))
             lines.insert(at, self.random.choice(lines))
             text = "\n".join(lines)
+        return text
+
+    def check(self, text: str) -> None:
+        """`voidage check` says of a scene in time whether it is good."""
         (self.work / "mutant.toml").write_text(text)
         command = [str(self.program), "check", "mutant.toml"]
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
         check = subprocess.Popen(command, cwd=self.work, **pipes)  # type: ignore[call-overload]
         self.ended(check, [0, 2])
 
-    def stranger(self) -> None:
-        """Whoever connects in the place of a fluid solver and sends anything ends the run with an error."""
+    def solver_ends(self) -> None:
+        """A fluid solver in a process of its own is killed, stopped or interrupted: the run says so, and can go on from
+        its checkpoint."""
+        out = self.folder()
+        serve = ["--fluid", "serve", "--transport", self.random.choice(["shm", "tcp"]), "--timeout", "1"]
+        run = self.start(out, *OFTEN, *serve)
+        self.wait(0.4)
+        children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+        pids = children.read_text().split() if children.exists() else []
+        for pid in pids:
+            subprocess.run(["kill", self.random.choice(["-KILL", "-STOP", "-INT"]), pid], check=False)
+        self.ended(run, [0, 1])
+        self.go_on(out, [0, 2])
+        self.same(out)
+
+    def attached(self) -> tuple[subprocess.Popen[str], int, str]:
+        """A run that waits for its fluid solver at a port."""
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             port = free.getsockname()[1]
-        run = self.start(self.folder(), "--fluid", f"attach:tcp:127.0.0.1:{port}", "--timeout", "5")
-        line = None
+        out = self.folder()
+        run = self.start(out, *OFTEN, "--fluid", f"attach:tcp:127.0.0.1:{port}", "--timeout", "2")
+        return run, port, out
+
+    def line(self, run: subprocess.Popen[str], port: int) -> socket.socket:
+        """A connection to a run."""
         begun = time.monotonic()
-        while line is None and time.monotonic() - begun < 20.0:
+        while time.monotonic() - begun < 20.0:
             try:
-                line = socket.create_connection(("127.0.0.1", port), timeout=1.0)
+                return socket.create_connection(("127.0.0.1", port), timeout=5.0)
             except OSError:
                 time.sleep(0.02)
-        if line is None:
-            run.kill()
-            run.communicate()
-            raise Wrong("it does not listen")
-        with line:
+        run.kill()
+        run.communicate()
+        raise Wrong("it does not listen")
+
+    def stranger(self) -> None:
+        """Whoever connects in the place of a fluid solver and sends anything, or nothing, is turned away: the solver
+        that comes later is taken, and the results are those of a run that was left alone."""
+        run, port, out = self.attached()
+        lines = []
+        for _ in range(self.random.randrange(1, 4)):
+            line = self.line(run, port)
+            lines.append(line)
             try:
-                line.sendall(self.random.randbytes(self.random.randrange(1, 4000)))
-                self.wait(0.2)
+                line.sendall(self.random.randbytes(self.random.choice([0, 1, 60, 152, 4000])))
+                if self.random.random() < 0.5:
+                    line.close()
             except OSError:
                 pass
-        self.ended(run, [1, 2])
+        serve = [str(self.program), "serve", "--connect", f"tcp:127.0.0.1:{port}"]
+        pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+        solver = subprocess.Popen(serve, **pipes)  # type: ignore[call-overload]
+        try:
+            self.ended(run, [0])
+            self.ended(solver, [0])
+        finally:
+            solver.kill()
+            for line in lines:
+                line.close()
+        self.same(out)
+
+    def hostile(self) -> None:
+        """A fluid solver that greets well and then sends wrong frames ends the run with an error."""
+        run, port, _ = self.attached()
+        with self.line(run, port) as line:
+            try:
+                greeting = json.dumps({"solver": "hostile", "protocol": VERSION}).encode()
+                line.sendall(self.frame(1, text=len(greeting)) + greeting + bytes(-len(greeting) % 8))
+                number, mesh_nodes = 0, 0
+                for kind in (1, 2):
+                    header = HEADER.unpack(self.read(line, HEADER.size))
+                    self.read(line, 8 * header[-1])
+                    number, mesh_nodes = header[3], header[11]
+                if self.random.random() < 0.7:
+                    line.sendall(self.frame(2, run=number))
+                    header = HEADER.unpack(self.read(line, HEADER.size))
+                    self.read(line, 8 * header[-1])
+                for _ in range(self.random.randrange(1, 5)):
+                    line.sendall(self.wrong_frame(number, mesh_nodes))
+            except OSError:
+                pass
+        self.ended(run, [1])
+
+    @staticmethod
+    def read(line: socket.socket, count: int) -> bytes:
+        """So many bytes."""
+        data = b""
+        while len(data) < count:
+            more = line.recv(count - len(data))
+            if not more:
+                raise ConnectionError
+            data += more
+        return data
+
+    @staticmethod
+    def frame(kind: int, run: int = 0, text: int = 0) -> bytes:
+        """The header of a frame with a text of so many bytes only."""
+        return HEADER.pack(MAGIC, VERSION, kind, run, 0, 0, 0, 0, 0, 0.0, 0.0, *[0] * 6, text, -(-text // 8))
+
+    def wrong_frame(self, run: int, nodes: int) -> bytes:
+        """A frame that looks like an answer to the first step, with something wrong."""
+        pick = self.random.choice
+        stride = -(-nodes // 8) * 8
+        length = pick([0, 1, 5 * stride + 6, 4 * stride + 6, 2**20, 2**40])
+        kind, rows = pick([1, 2, 3, 4, 5, 5, 5, 5, 7, 8, 9]), pick([nodes, nodes, 0, nodes + 1, 2**60])
+        counts = [rows, pick([stride, stride, 1]), 0, 0, pick([0, 4, 2**31]), 0, pick([0, 0, 8, 2**50]), length]
+        step, iteration, scalars = pick([0, 1, 1, 2]), 0, pick([0, 1, 1, 3, 2**32 - 1])
+        header = HEADER.pack(MAGIC, VERSION, kind, run, 1, pick([0, 7]), step, iteration, scalars, 0.0, 0.0, *counts)
+        value = pick([float("nan"), float("inf"), 1e300, -1e300, 1e150, 1e30])
+        return header + struct.pack("<d", value) * min(length, 2**18)
 
     def full_disk(self) -> None:
         """Where files cannot grow the run says so, and what it wrote can be read."""
         blocks = self.random.randrange(1, 40)
         out = self.folder()
-        command = f"trap '' XFSZ; ulimit -f {blocks}; exec {self.program} run scene.toml --quiet --threads 1 --out {out}"
+        run_it = f"exec {self.program} run scene.toml --quiet --threads 1 --out {out}"
+        command = f"trap '' XFSZ; ulimit -f {blocks}; {run_it}"
         run = subprocess.Popen(
             ["bash", "-c", command], cwd=self.work, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         )
@@ -211,34 +372,39 @@ class Campaign:
         if summary.exists():
             json.loads(summary.read_text())
 
-    def table(self, count: int) -> tuple[list[tuple[str, int, int]], list[str]]:
-        """What was tried, how often, how often all was well; and what was wrong."""
-        kinds: list[Callable[[], None]] = [
-            self.kill,
-            self.stop,
-            self.interrupt,
-            self.two_runs,
-            self.corrupt_checkpoint,
-            self.mutate_scene,
-            self.stranger,
-            self.full_disk,
+    def table(self, given: int | float) -> tuple[list[tuple[str, int, int]], list[str]]:
+        """What was tried, how often (so many times, or as a share of the full campaign), how often all was well; and
+        what was wrong."""
+        kinds: list[tuple[Callable[[], None], int]] = [
+            (self.kill, 84),
+            (self.stop, 30),
+            (self.interrupt, 30),
+            (self.two_runs, 20),
+            (self.solver_ends, 180),
+            (self.corrupt_checkpoint, 535),
+            (self.mutate_scene, 1720),
+            (self.mutate_files, 900),
+            (self.stranger, 50),
+            (self.hostile, 500),
+            (self.full_disk, 40),
         ]
         rows, wrong = [], []
-        for kind in kinds:
-            good = 0
+        for kind, full in kinds:
+            good, count = 0, max(1, round(given * full)) if isinstance(given, float) else given
             for _ in range(count):
                 try:
                     kind()
                     good += 1
                 except Wrong as error:
                     wrong.append(f"{kind.__name__}: {error}")
-                    if kind == self.mutate_scene:
+                    if kind in (self.mutate_scene, self.mutate_files):
                         wrong.append((self.work / "mutant.toml").read_text())
-            rows.append(((kind.__doc__ or "").strip(), count, good))
+            rows.append((" ".join((kind.__doc__ or "").split()), count, good))
+            print(f"{kind.__name__}: {good} of {count}", file=sys.stderr)
         return rows, wrong
 
 
-def campaign(program: Path, count: int, seed: int) -> tuple[list[tuple[str, int, int]], list[str]]:
+def campaign(program: Path, count: int | float, seed: int) -> tuple[list[tuple[str, int, int]], list[str]]:
     """Tries everything so often, in a folder of its own."""
     with tempfile.TemporaryDirectory() as work:
         return Campaign(program, Path(work), seed).table(count)
@@ -247,10 +413,11 @@ def campaign(program: Path, count: int, seed: int) -> tuple[list[tuple[str, int,
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--program", type=Path, default=Path("target/release/voidage"))
-    parser.add_argument("--count", type=int, default=20, help="how often each is tried")
+    parser.add_argument("--count", type=int, help="how often each is tried")
+    parser.add_argument("--share", type=float, default=1.0, help="of the full campaign, which takes some hours")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    rows, wrong = campaign(given.program, given.count, given.seed)
+    rows, wrong = campaign(given.program, given.count or given.share, given.seed)
     print("| what happens, and what must follow | tried | as it must be |\n|---|---|---|")
     for what, tried, good in rows:
         print(f"| {what} | {tried} | {good} |")

@@ -257,18 +257,56 @@ fn a_solver_that_dies_before_its_hello_ends_the_run() {
         std::process::abort();
     }
     let this = "a_solver_that_dies_before_its_hello_ends_the_run";
-    for address in [Address::unique(), Address::Tcp("127.0.0.1:47313".into())] {
-        let folder = folder();
-        let run_process = start(folder.path(), "out", &["--fluid", &format!("attach:{address}")]);
+    let dies = |address: &Address| {
         let mut solver = Command::new(std::env::current_exe().unwrap());
         solver.args(["--exact", this]).env(DIES, address.to_string());
         assert!(!solver.stdout(Stdio::null()).stderr(Stdio::null()).status().unwrap().success());
-        let died = Instant::now();
-        let (code, said) = end(run_process);
-        assert!(died.elapsed() < SOON, "{:?}", died.elapsed());
-        assert_eq!(code, Some(1), "{said}");
-        assert!(said.contains("it is gone"), "{said}");
+    };
+    let folder = folder();
+    let address = Address::unique();
+    let run_process = start(folder.path(), "out", &["--fluid", &format!("attach:{address}")]);
+    dies(&address);
+    let died = Instant::now();
+    let (code, said) = end(run_process);
+    assert!(died.elapsed() < SOON, "{:?}", died.elapsed());
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("it is gone"), "{said}");
+    // Anybody can come to a port and go: that is no solver, and the run waits for one.
+    let address = Address::Tcp("127.0.0.1:47313".into());
+    let options = ["--fluid", &format!("attach:{address}"), "--set", "time.end=0.005"];
+    let run_process = start(folder.path(), "tcp", &options);
+    dies(&address);
+    let solver = voidage(folder.path()).args(["serve", "--connect", &address.to_string()]).spawn().unwrap();
+    for process in [run_process, solver] {
+        let (code, said) = end(process);
+        assert_eq!(code, Some(0), "{said}");
     }
+}
+
+#[test]
+fn a_run_that_all_the_world_could_reach_took_the_first_to_come() {
+    let folder = folder();
+    let options = ["--fluid", "attach:tcp:0.0.0.0:47317", "--set", "time.end=0.005"];
+    let (code, said) = end(start(folder.path(), "out", &options));
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("whoever reaches this port") && said.contains("--token"), "{said}");
+    let with_token = [&options[..], &["--token", "secret"]].concat();
+    let run_process = start(folder.path(), "out", &with_token);
+    let solver = |token: &str| {
+        let mut command = voidage(folder.path());
+        command.args(["serve", "--connect", "tcp:127.0.0.1:47317"]).env("VOIDAGE_TOKEN", token);
+        end(command.spawn().unwrap())
+    };
+    for wrong in ["", "guess"] {
+        let (code, said) = solver(wrong);
+        assert_eq!(code, Some(1), "{said}");
+        assert!(said.contains("takes no solver that greets with") && said.contains("--token"), "{said}");
+        assert!(!said.contains("guess") && !said.contains("secret"), "{said}");
+    }
+    let (code, said) = solver("secret");
+    assert_eq!(code, Some(0), "{said}");
+    let (code, said) = end(run_process);
+    assert_eq!(code, Some(0), "{said}");
 }
 
 /// So many grains all over a mesh, as a step has them.
@@ -312,7 +350,11 @@ fn grains_may_grow_in_number_by_a_hundred_times_during_a_run() {
         let sets: Vec<String> = sets.iter().map(|set| set.to_string()).collect();
         Scene::read(&path, &sets).unwrap()
     };
-    let host = Host { program: env!("CARGO_BIN_EXE_voidage").into(), log: folder.path().join("solver.log") };
+    let host = Host {
+        program: Some(env!("CARGO_BIN_EXE_voidage").into()),
+        log: folder.path().join("solver.log"),
+        ..Host::default()
+    };
     let coupled = build::coupled(&scene(&[]), &host).unwrap();
     let fluid = coupled.fluid().unwrap();
     for (transport, solver) in [("shm", "serve"), ("tcp", "serve"), ("shm", "scikit-fem")] {

@@ -1,5 +1,6 @@
 //! `voidage run`: the loop around the steps.
 
+use crate::cases;
 use crate::ending::{Ending, Saved};
 use crate::placing;
 use crate::plot;
@@ -14,6 +15,8 @@ use voidage_campaign::progress::{News, Progress, duration};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_dem::Rounded;
+use voidage_remote::launch::{Host, check_door};
+use voidage_remote::token::{TOKEN_VARIABLE, Token};
 use voidage_scene::Simulation;
 use voidage_scene::recorder::{
     CHECKPOINT, Checkpoint, Earlier, OutputFolder, Recording, Stamp, Summary, readings,
@@ -23,7 +26,7 @@ use voidage_scene::{Change, Scene, Solver, Watch};
 /// Options of `voidage run`.
 #[derive(Args)]
 pub struct Options {
-    /// Scene file (TOML).
+    /// Scene file (TOML), or the name of a shipped case.
     scene: PathBuf,
     /// Folder of results. Default: `out/` and the name of the scene.
     #[arg(long)]
@@ -67,9 +70,18 @@ pub struct Process {
     /// Longest time without a sign of life from the process of a fluid solver, s.
     #[arg(long, value_name = "S")]
     timeout: Option<f64>,
+    /// What a fluid solver that is started by hand (attach:tcp:..) must greet with; other processes of this machine see arguments,
+    /// but not the variable.
+    #[arg(long, env = TOKEN_VARIABLE, hide_env_values = true, value_name = "WORD")]
+    token: Option<String>,
 }
 
 impl Process {
+    /// Where solvers are started from, with their output in a log.
+    pub fn host(&self, log: PathBuf) -> Host {
+        Host { token: Token::new(self.token.clone()), ..host(log) }
+    }
+
     /// The options as changes of the scene, with the choice of a fluid solver.
     pub fn sets(&self, fluid: Option<&str>) -> Result<Vec<String>> {
         let solver = fluid.map(str::parse::<Solver>).transpose();
@@ -88,7 +100,7 @@ fn schemes() -> PossibleValuesParser {
 
 /// Runs a scene; the number is the exit code.
 pub fn run(options: &Options) -> Result<u8> {
-    let scene = Scene::read(&options.scene, &sets(options)?)?;
+    let scene = cases::read(&options.scene, &sets(options)?)?;
     let threads = start_threads(options.threads)?;
     let ending = Ending::watched(catch_interrupts()?);
     let run = Run::new(&scene, options, threads, ending.clone());
@@ -212,7 +224,9 @@ impl Run {
         let started = Instant::now();
         let folder = options.out.clone().unwrap_or_else(|| default_folder(&options.scene));
         let hash = scene.hash()?;
-        let host = host(folder.join("solver.log"));
+        let host = options.process.host(folder.join("solver.log"));
+        let backend = scene.fluid.as_ref().and_then(|fluid| fluid.backend.as_ref());
+        backend.map_or(Ok(()), |backend| check_door(backend, &host))?;
         let mut changes = vec![];
         let mut beds = vec![];
         let until_step;

@@ -18,6 +18,7 @@ use voidage_remote::protocol::{
     Kind, MotionLayout, POINT_SCALAR, POINTS, Setup, SolutionMessage, TableLayout, dimension, read_mesh,
     read_state, read_step,
 };
+use voidage_remote::token::Token;
 use voidage_remote::transport::{self, Address, LOOK};
 
 fn exception(error: PeerError) -> PyErr {
@@ -47,16 +48,24 @@ pub struct Peer {
 #[pymethods]
 impl Peer {
     /// Connects to the run at `address` (`shm:NAME` or `tcp:HOST:PORT`), waiting at most `wait` seconds for it to be
-    /// there. `solver` is the name to present oneself with.
+    /// there. `solver` is the name to present oneself with, `token` what the run asks for; without one it is that of the
+    /// environment, VOIDAGE_TOKEN.
     #[new]
-    #[pyo3(signature = (address, solver, *, wait=60.0))]
-    fn new(py: Python<'_>, address: &str, solver: String, wait: f64) -> PyResult<Self> {
+    #[pyo3(signature = (address, solver, *, wait=60.0, token=None))]
+    fn new(
+        py: Python<'_>,
+        address: &str,
+        solver: String,
+        wait: f64,
+        token: Option<String>,
+    ) -> PyResult<Self> {
         let address: Address = address.parse().map_err(PyValueError::new_err)?;
         let wait = seconds(wait, "wait")?;
+        let token = token.map_or_else(Token::of_environment, |word| Token::new(Some(word)));
         let (sender, receiver) = channel();
         // In a thread of its own, so that signals are seen meanwhile; one that is left behind ends with its wait.
         std::thread::spawn(move || {
-            let connected = voidage_remote::peer::Peer::connect(&address, &solver, wait);
+            let connected = voidage_remote::peer::Peer::connect(&address, &solver, &token, wait);
             // After an interrupt nobody waits for it any more.
             let _ = sender.send(connected.map(|(peer, setup)| (Mutex::new(peer), setup)));
         });

@@ -310,17 +310,22 @@ def _communicator():
 
 
 def serve(
-    make: Callable[[], Solver], address: str, wait: float = 60.0, alone: bool = False
+    make: Callable[[], Solver],
+    address: str,
+    wait: float = 60.0,
+    alone: bool = False,
+    token: str | None = None,
 ) -> None:
     """Serves the run at an address with a solver, until the run says goodbye.
 
-    ``make`` makes the solver; ``wait`` is how long the run may take to be there, s. Raises
-    RuntimeError if the run is gone. If this process is there for the solver ``alone``, it ends when
-    the run is gone in the middle of a step.
+    ``make`` makes the solver; ``wait`` is how long the run may take to be there, s; ``token`` is
+    what the run asks for (without one that of the environment, VOIDAGE_TOKEN). Raises RuntimeError
+    if the run is gone. If this process is there for the solver ``alone``, it ends when the run is
+    gone in the middle of a step.
     """
     solver, communicator = make(), _communicator()
     first = communicator is None or communicator.rank == 0
-    peer = Peer(address, type(solver).__name__, wait=wait) if first else None
+    peer = Peer(address, type(solver).__name__, wait=wait, token=token) if first else None
     setup = peer.setup if first else None
     if first and alone:
         peer.end_with_run()
@@ -397,6 +402,11 @@ def main(solver: type | None = None, arguments: Sequence[str] | None = None) -> 
         help="how long the run may take to be there",
     )
     parser.add_argument(
+        "--token",
+        metavar="WORD",
+        help="what the run asks for, where it has a --token; default: VOIDAGE_TOKEN",
+    )
+    parser.add_argument(
         "--option",
         type=_option,
         action="append",
@@ -411,6 +421,7 @@ def main(solver: type | None = None, arguments: Sequence[str] | None = None) -> 
             given.connect,
             given.wait,
             alone=True,
+            token=given.token,
         )
     except RuntimeError as error:
         print(f"voidage.adapter: {error}", file=sys.stderr)

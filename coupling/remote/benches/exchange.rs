@@ -8,7 +8,8 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::process::{Child, Command};
 use std::time::Duration;
 use voidage_coupling::PeerError;
-use voidage_remote::protocol::{Header, Kind};
+use voidage_remote::protocol::{Greeting, Header, Kind, numbers_for_text, write_text};
+use voidage_remote::token::Token;
 use voidage_remote::transport::{self, Address, Channel};
 
 /// Where the other process finds this one.
@@ -41,7 +42,14 @@ fn echo(place: &str) -> Result<(), PeerError> {
         return Ok(());
     };
     let mut channel = transport::connect(&address, PATIENCE)?;
-    send(&mut *channel, Kind::Hello, 0)?;
+    let text = serde_json::json!(Greeting::new("a bench", &Token::default())).to_string();
+    let length = numbers_for_text(&text);
+    let mut payload = channel.loan(length)?;
+    write_text(&text, payload.payload_mut());
+    channel.send(
+        &Header { text: text.len() as u64, length: length as u64, ..Header::new(Kind::Hello) },
+        payload,
+    )?;
     loop {
         match receive(&mut *channel)? {
             (Kind::Bye, ..) => return Ok(()),
@@ -88,7 +96,7 @@ fn round_trips(criterion: &mut Criterion, name: &str, mut trip: impl FnMut(usize
 }
 
 fn over_channel(criterion: &mut Criterion, name: &str, address: &Address) -> Result<(), PeerError> {
-    let (mut channel, address) = transport::listen(address, PATIENCE)?;
+    let (mut channel, address) = transport::listen(address, PATIENCE, &Token::default())?;
     let mut child = other(&address.to_string());
     let outcome = ask(criterion, name, &mut *channel);
     child.wait().expect("the other process ends");

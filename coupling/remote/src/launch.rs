@@ -3,10 +3,13 @@
 use crate::protocol::Setup;
 use crate::remote::RemoteFluid;
 use crate::solver::{Backend, Solver, Transport};
+use crate::token::{TOKEN_VARIABLE, Token, is_local};
 use crate::transport::{self, Address};
 use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 use voidage_coupling::error::{Error, Notice, PeerError, Result};
 
@@ -17,19 +20,50 @@ const END: Duration = Duration::from_secs(2);
 /// Lines of the log that an error shows.
 const LAST_LINES: usize = 15;
 
+/// The environment of Python that this process is in.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    /// The interpreter.
+    pub python: PathBuf,
+    /// The folder that has the package `voidage`.
+    pub packages: PathBuf,
+}
+
+static ENVIRONMENT: OnceLock<Environment> = OnceLock::new();
+
+impl Environment {
+    /// Says that this process is an interpreter; the first word counts.
+    pub fn is_here(self) {
+        ENVIRONMENT.get_or_init(|| self);
+    }
+}
+
+/// The command that starts this program once more.
+///
+/// # Errors
+/// The system does not tell where this program is.
+pub fn this_program() -> io::Result<Command> {
+    match ENVIRONMENT.get() {
+        Some(environment) => Ok(python(&environment.python, &run_module("voidage"))),
+        None => std::env::current_exe().map(Command::new),
+    }
+}
+
 /// Where solvers are started from.
 #[derive(Clone, Debug)]
 pub struct Host {
-    /// The program `voidage`, which serves the Rust solver.
-    pub program: PathBuf,
+    /// The program `voidage`, which serves the Rust solver; `None` for [`this_program`].
+    pub program: Option<PathBuf>,
     /// The file that gets the output of the solver.
     pub log: PathBuf,
+    /// What a solver that is started by hand must greet with.
+    pub token: Token,
 }
 
 impl Default for Host {
-    /// The program that `PATH` finds, and `solver.log` in the current folder.
+    /// This program, `solver.log` in the current folder, and the token of the environment.
     fn default() -> Self {
-        Self { program: "voidage".into(), log: "solver.log".into() }
+        Self { program: None, log: "solver.log".into(), token: Token::of_environment() }
     }
 }
 
@@ -41,40 +75,83 @@ pub fn remote<const D: usize>(backend: &Backend, host: &Host, setup: &Setup<D>) 
     let timeout = Duration::try_from_secs_f64(backend.timeout()).unwrap_or(Duration::MAX);
     let name = backend.solver.name();
     if let Solver::Attach(address) = &backend.solver {
+        check_door(backend, host)?;
         let address: Address = address.parse().map_err(Error::input)?;
-        let (channel, _) = transport::listen(&address, timeout)?;
-        return RemoteFluid::new(channel, None, name, timeout, setup);
+        let (channel, _) = transport::listen(&address, timeout, &host.token)?;
+        return RemoteFluid::new(channel, None, name, (timeout, host.token.clone()), setup);
     }
+    let token = Token::random();
     let address = match backend.transport.unwrap_or_default() {
         Transport::Shm => Address::unique(),
         Transport::Tcp => Address::any_port(),
     };
-    let (channel, address) = transport::listen(&address, timeout)?;
-    let process = Process::start(command(&backend.solver, host, &address), &host.log)?;
-    RemoteFluid::new(channel, Some(process), name, timeout, setup)
+    let (channel, address) = transport::listen(&address, timeout, &token)?;
+    let mut command = command(&backend.solver, host, &address)?;
+    // Not as an argument: those are for all users of a machine to see.
+    command.env(TOKEN_VARIABLE, token.word().unwrap_or_default());
+    let process = Process::start(command, &host.log)?;
+    RemoteFluid::new(channel, Some(process), name, (timeout, token), setup)
+}
+
+/// Checks that a run that waits for a solver from other machines asks for a token: the first to come would be the solver.
+///
+/// # Errors
+/// It does not.
+pub fn check_door(backend: &Backend, host: &Host) -> Result<()> {
+    let Solver::Attach(address) = &backend.solver else { return Ok(()) };
+    match address.parse().map_err(Error::input)? {
+        Address::Tcp(place) if host.token.word().is_none() && !is_local(&place) => {
+            Err(Error::input(Notice::new(
+                format!("{}: whoever reaches this port would be the fluid solver", backend.solver.name()),
+                "give the run and the solver the same word with --token, or in VOIDAGE_TOKEN; or listen at 127.0.0.1",
+            )))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The command that starts a solver.
-fn command(solver: &Solver, host: &Host, address: &Address) -> Command {
+fn command(solver: &Solver, host: &Host, address: &Address) -> Result<Command> {
     let mut command = match solver {
-        Solver::Fenicsx => python(Path::new(SYSTEM_PYTHON), &["-m", "voidage.fenicsx"]),
-        Solver::ScikitFem => python(&interpreter(), &["-m", "voidage.scikit_fem"]),
-        Solver::Python(module) => python(&interpreter(), &["-m", "voidage.adapter", module]),
+        Solver::Fenicsx => python(&fenicsx_interpreter(), &run_module("voidage.fenicsx")),
+        Solver::ScikitFem => python(&interpreter(), &run_module("voidage.scikit_fem")),
+        Solver::Python(module) => {
+            let mut command = python(&interpreter(), &run_module("voidage.adapter"));
+            command.arg(module);
+            command
+        }
         Solver::Rust | Solver::Serve | Solver::Attach(_) => {
-            let mut command = Command::new(&host.program);
+            let mut command = match &host.program {
+                Some(program) => Command::new(program),
+                None => this_program().map_err(|error| {
+                    Error::run(format!("cannot start the fluid solver {}: {error}", solver.name()))
+                })?,
+            };
             command.arg("serve");
             command
         }
     };
     command.args(["--connect", &address.to_string()]);
     command.env("RAYON_NUM_THREADS", rayon::current_num_threads().to_string());
-    command
+    Ok(command)
 }
 
-/// An interpreter that finds the package `voidage`, with arguments.
-pub fn python(interpreter: &Path, arguments: &[&str]) -> Command {
+/// The statement that runs a module as `python -m` does.
+pub fn run_module(module: &str) -> String {
+    format!("import runpy; runpy.run_module('{module}', run_name='__main__', alter_sys=True)")
+}
+
+/// An interpreter that finds the package `voidage` and executes a statement; arguments may follow.
+pub fn python(interpreter: &Path, statement: &str) -> Command {
     let mut command = Command::new(interpreter);
-    command.args(arguments);
+    command.arg("-c");
+    match ENVIRONMENT.get() {
+        // Behind all others: another interpreter has packages of its own (Debian's numpy is the one that its dolfinx fits).
+        Some(environment) => {
+            command.arg(format!("import sys; sys.path.append({:?}); {statement}", environment.packages))
+        }
+        None => command.arg(statement),
+    };
     if let Some(folder) = package() {
         let mut path = folder.into_os_string();
         if let Some(others) = std::env::var_os("PYTHONPATH") {
@@ -91,20 +168,36 @@ pub fn python(interpreter: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// The Python of solvers that need no dolfinx: `$VOIDAGE_PYTHON`, `target/venv/bin/python` above this folder or the
-/// program (`tests/python-setup` makes it), or `python3`.
+/// The Python of solvers that need no dolfinx: `$VOIDAGE_PYTHON`, that of the environment which has this program,
+/// `target/venv/bin/python` above this folder or the program (`tests/python-setup` makes it), or `python3`.
 pub fn interpreter() -> PathBuf {
-    match std::env::var_os("VOIDAGE_PYTHON") {
-        Some(python) => python.into(),
-        None => above("target/venv/bin/python").unwrap_or("python3".into()),
+    match (std::env::var_os("VOIDAGE_PYTHON"), ENVIRONMENT.get()) {
+        (Some(python), _) => python.into(),
+        (None, Some(environment)) => environment.python.clone(),
+        (None, None) => above("target/venv/bin/python").unwrap_or("python3".into()),
+    }
+}
+
+/// The Python of solvers that need dolfinx: [`interpreter`] where it has dolfinx, else that of the system.
+pub fn fenicsx_interpreter() -> PathBuf {
+    let own = interpreter();
+    let find = "import importlib.util, sys; sys.exit(importlib.util.find_spec('dolfinx') is None)";
+    let mut probe = Command::new(&own);
+    probe.args(["-c", find]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    match probe.status().is_ok_and(|status| status.success()) {
+        true => own,
+        false => SYSTEM_PYTHON.into(),
     }
 }
 
 /// The folder of the Python package `voidage`: `$VOIDAGE_PYTHONPATH`, or `coupling/python` above this folder or the
-/// program; `None` if the interpreter must find it itself.
+/// program; `None` if the interpreter must find it itself, or the program is part of it.
 fn package() -> Option<PathBuf> {
     if let Some(folder) = std::env::var_os("VOIDAGE_PYTHONPATH") {
         return Some(folder.into());
+    }
+    if ENVIRONMENT.get().is_some() {
+        return None;
     }
     // Without its compiled part, the sources would only hide a package that is installed.
     let compiled = above("coupling/python/voidage/_voidage.abi3.so")?;

@@ -10,4 +10,5 @@ pub mod protocol;
 pub mod remote;
 pub mod serve;
 pub mod solver;
+pub mod token;
 pub mod transport;

@@ -1,15 +1,19 @@
 //! The solver's side of a run: what a fluid solver in its own process needs, in any language.
 
 use crate::protocol::{Greeting, Header, Kind, numbers_for_text, write_text};
+use crate::token::Token;
 use crate::transport::{self, Address, Channel, Event, Frame, LOOK, Loan, Pulse};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
-use voidage_coupling::error::PeerError;
+use voidage_coupling::error::{Notice, PeerError};
 
 /// How long a solver that fails waits for the run to read why.
 const LINGER: Duration = Duration::from_secs(1);
+
+/// Longest payload of the setup of a run, numbers.
+const LONGEST_SETUP: usize = 1 << 23;
 
 /// Time between two signs of life while a request is being answered.
 const BEAT: Duration = Duration::from_millis(200);
@@ -29,21 +33,36 @@ pub struct Peer {
 
 impl Peer {
     /// Connects to a run, waiting so long for it to be there, and returns its setup, a JSON text
-    /// ([`crate::protocol::Setup`]). `solver` is the name and version to present oneself with.
+    /// ([`crate::protocol::Setup`]). `solver` is the name and version to present oneself with, `token` the word that the run asks
+    /// for.
     ///
     /// # Errors
-    /// There is no such run, or it is of another version.
-    pub fn connect(address: &Address, solver: &str, wait: Duration) -> Result<(Self, String), PeerError> {
-        let channel = transport::connect(address, wait)?;
+    /// There is no such run, it is of another version, or it asks for another token.
+    pub fn connect(
+        address: &Address,
+        solver: &str,
+        token: &Token,
+        wait: Duration,
+    ) -> Result<(Self, String), PeerError> {
+        let mut channel = transport::connect(address, wait)?;
+        channel.allow(LONGEST_SETUP);
         let heart = Heart::start(channel.pulse());
         let mut peer = Self { channel, heart, run: 0, request: Header::default(), arrived: Instant::now() };
-        let greeting = serde_json::json!(Greeting::new(solver)).to_string();
+        let greeting = serde_json::json!(Greeting::new(solver, token)).to_string();
         peer.answer_text(Kind::Hello, &greeting)?;
-        let setup = transport::receive(&mut *peer.channel, wait.max(LOOK), || Ok(()))?;
+        let answer = transport::receive(&mut *peer.channel, wait.max(LOOK), || Ok(()));
+        let setup = answer.map_err(|error| match error {
+            PeerError::Gone => PeerError::channel(Notice::new(
+                format!("the run at {address} takes no solver that greets with {token:?}"),
+                "give both the same with --token, or in VOIDAGE_TOKEN",
+            )),
+            other => other,
+        })?;
         if setup.kind() != Kind::Hello {
             return Err(PeerError::protocol(format!("{:?} instead of a hello", setup.kind())));
         }
         peer.run = setup.header().run;
+        peer.channel.allow(usize::MAX);
         Ok((peer, setup.text()?))
     }
 
@@ -195,7 +214,7 @@ mod tests {
     fn a_solver_that_has_read_a_goodbye_outlives_the_run() -> Result<(), PeerError> {
         for address in [Address::unique(), Address::any_port()] {
             let wait = Duration::from_secs(5);
-            let (mut run, address) = transport::listen(&address, wait)?;
+            let (mut run, address) = transport::listen(&address, wait, &Token::default())?;
             let say = |run: &mut dyn Channel, kind, text: &str| {
                 let length = numbers_for_text(text);
                 let mut payload = run.loan(length)?;
@@ -207,7 +226,7 @@ mod tests {
             };
             let (tell, told) = std::sync::mpsc::channel();
             let solver = thread::spawn(move || {
-                let (mut peer, _) = Peer::connect(&address, "a test", wait)?;
+                let (mut peer, _) = Peer::connect(&address, "a test", &Token::default(), wait)?;
                 peer.end_with_run();
                 let last = peer.receive(wait)?.map(|frame| frame.kind());
                 let _ = tell.send(());

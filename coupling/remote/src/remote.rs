@@ -2,9 +2,10 @@
 
 use crate::launch::Process;
 use crate::protocol::{
-    Greeting, Header, Kind, MeshMessage, Setup, StateMessage, StepMessage, numbers_for_text, read_solution,
-    write_text,
+    Greeting, Header, Kind, MeshMessage, Setup, StateMessage, StepMessage, longest_solution,
+    numbers_for_text, read_solution, write_text,
 };
+use crate::token::Token;
 use crate::transport::{self, Channel, Frame};
 use std::time::{Duration, Instant};
 use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
@@ -16,6 +17,9 @@ use voidage_fluid::transport::Scalar;
 
 /// How long a solver may take to start: FEniCSx compiles its forms, and a person types a command.
 const START: Duration = Duration::from_secs(120);
+
+/// Longest text of an error of a solver, numbers.
+const LONGEST_ERROR: usize = 1 << 13;
 
 /// A fluid solver in another process.
 pub struct RemoteFluid<const D: usize> {
@@ -31,6 +35,8 @@ pub struct RemoteFluid<const D: usize> {
     /// Nodes of the mesh.
     nodes: usize,
     scalars: Vec<Scalar>,
+    /// What the solver must greet with.
+    token: Token,
     /// Whether the last solution is accepted and the solver does not know it yet.
     accepted: bool,
     /// The conditions that the solver has.
@@ -38,8 +44,8 @@ pub struct RemoteFluid<const D: usize> {
 }
 
 impl<const D: usize> RemoteFluid<D> {
-    /// Waits for the solver at the other end of a channel and tells it the setup. `name` stands in errors, `timeout` is
-    /// the longest silence.
+    /// Waits for the solver at the other end of a channel, which greets with the token, and tells it the setup. `name` stands in
+    /// errors, `timeout` is the longest silence.
     ///
     /// # Errors
     /// No solver comes, or one of another version.
@@ -47,7 +53,7 @@ impl<const D: usize> RemoteFluid<D> {
         channel: Box<dyn Channel>,
         process: Option<Process>,
         name: String,
-        timeout: Duration,
+        (timeout, token): (Duration, Token),
         setup: &Setup<D>,
     ) -> Result<Self> {
         let id =
@@ -55,19 +61,22 @@ impl<const D: usize> RemoteFluid<D> {
         let run = u64::from_le_bytes(std::array::from_fn(|i| id.as_bytes()[i]));
         let last = Header { run, ..Header::default() };
         let (conditions, scalars) = (setup.model.conditions.clone(), setup.model.scalars.clone());
+        let (nodes, accepted) = (0, false);
         let mut remote =
-            Self { channel, process, name, timeout, last, nodes: 0, scalars, accepted: false, conditions };
+            Self { channel, process, name, timeout, last, nodes, scalars, token, accepted, conditions };
         remote.greet(setup).map_err(|error| remote.explain(error))?;
         Ok(remote)
     }
 
     fn greet(&mut self, setup: &Setup<D>) -> Result<(), PeerError> {
         let hello = self.receive(START.max(self.timeout))?;
-        let greeting: Greeting = match hello.kind() {
-            Kind::Hello => serde_json::from_str(&hello.text()?)
-                .map_err(|error| PeerError::protocol(format!("the hello: {error}")))?,
-            other => return Err(PeerError::protocol(format!("{other:?} instead of a hello"))),
-        };
+        let greeting = Greeting::read(hello.header(), hello.payload())?;
+        if !self.token.admits(&greeting) {
+            return Err(PeerError::protocol(format!(
+                "\"{}\" has not the token of this run",
+                greeting.solver
+            )));
+        }
         self.name = format!("{} ({})", self.name, greeting.solver);
         let text = serde_json::to_string(setup).map_err(|error| PeerError::channel(error.to_string()))?;
         let length = numbers_for_text(&text) as u64;
@@ -94,6 +103,11 @@ impl<const D: usize> RemoteFluid<D> {
         write: impl FnOnce(&mut [f64]),
         kind: Kind,
     ) -> Result<Frame, PeerError> {
+        let longest = match kind {
+            Kind::Solution => longest_solution(D, (self.nodes, self.scalars.len(), self.conditions.len())),
+            _ => 0,
+        };
+        self.channel.allow(longest.max(LONGEST_ERROR));
         self.send(header, write)?;
         let answer = self.receive(self.timeout)?;
         match answer.kind() {
@@ -119,7 +133,9 @@ impl<const D: usize> RemoteFluid<D> {
             (_, Some(process)) => process.last_words(&error),
         };
         let Notice { what, help } = error.notice();
-        Error::run(Notice::new(format!("fluid solver {}: {what}{log}", self.name), help))
+        let others = self.channel.turned_away();
+        let others = others.map_or(String::new(), |why| format!("\nturned away before: {why}"));
+        Error::run(Notice::new(format!("fluid solver {}: {what}{others}{log}", self.name), help))
     }
 
     fn ask_to_start(&mut self, mesh: &Mesh<D>, generation: u32, fields: &State<D>) -> Result<(), PeerError> {
@@ -152,9 +168,10 @@ impl<const D: usize> RemoteFluid<D> {
         let answer = self.ask(header, |payload| message.write(payload), Kind::Solution)?;
         let counts = (self.nodes, self.scalars.len(), step.conditions.len());
         read_solution(answer.header(), answer.payload(), counts, out)?;
-        if let Some((field, node)) = out.not_finite(&self.scalars) {
+        if let Some(place) = out.not_finite(&self.scalars) {
             return Err(PeerError::protocol(format!(
-                "{field} at node {node} is no number: the solver diverges"
+                "in step {}, {place} is not finite: the solver diverges",
+                step.number
             )));
         }
         out.transport_s = (start.elapsed().as_secs_f64() - answer.header().dt).max(0.0);

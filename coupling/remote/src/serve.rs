@@ -4,6 +4,7 @@ use crate::peer::Peer;
 use crate::protocol::{
     Kind, Setup, SolutionMessage, StepLayout, dimension, read_mesh, read_state, read_step,
 };
+use crate::token::Token;
 use crate::transport::{Address, Frame, LOOK};
 use std::time::Duration;
 use voidage_coupling::backend::{FluidBackend, FluidStep, Immersed, RustFluid, Solution};
@@ -12,13 +13,14 @@ use voidage_fluid::conditions::Condition;
 use voidage_fluid::points::Points;
 use voidage_fluid::{Mesh, MeshMotion};
 
-/// Serves a run with the Rust solver until it says goodbye, or ends this process when the run is gone. `wait` is how long the run may take to be there.
+/// Serves a run with the Rust solver until it says goodbye, or ends this process when the run is gone. `wait` is how long the run may take to be there, `token` the word that
+/// it asks for.
 ///
 /// # Errors
 /// There is no such run, it is gone, or the solver failed (which the run has been told).
-pub fn serve(address: &Address, wait: Duration) -> Result<()> {
+pub fn serve(address: &Address, token: &Token, wait: Duration) -> Result<()> {
     let solver = concat!("rust ", env!("CARGO_PKG_VERSION"));
-    let (mut peer, text) = Peer::connect(address, solver, wait)?;
+    let (mut peer, text) = Peer::connect(address, solver, token, wait)?;
     peer.end_with_run();
     let outcome = match dimension(&text)? {
         2 => {

@@ -12,7 +12,7 @@ use voidage_fluid::flow::State;
 use voidage_fluid::points::{PointScalar, Points};
 
 /// Rows are padded to a multiple of this, so that every column starts at a cache line.
-const PAD: usize = 8;
+pub(super) const PAD: usize = 8;
 
 /// A column of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -148,6 +148,11 @@ impl Header {
         }
     }
 
+    /// Whether it is of this program, in another version of the protocol.
+    pub fn is_of_another_version(&self) -> bool {
+        self.magic == MAGIC && self.version != VERSION
+    }
+
     /// Whether there are grains in this step.
     pub fn immerses(&self) -> bool {
         self.flags & IMMERSED != 0

@@ -3,7 +3,7 @@
 //! A message knows its header and length, so that the payload can be borrowed from shared memory, and then writes itself
 //! there.
 
-use super::columns::{POINT_SCALAR, POINTS, Table, TableLayout, wrong};
+use super::columns::{PAD, POINT_SCALAR, POINTS, Table, TableLayout, wrong};
 use super::mesh::fields_at;
 use super::text::{numbers_for_text, write_text};
 use super::{ACCEPT, Header, IMMERSED, Kind, MOVES, MotionLayout, read_text};
@@ -131,6 +131,13 @@ fn numbers_of_balance(dimension: usize, scalars: usize) -> usize {
 /// Numbers that answer for a body: its velocity and its vapour.
 fn numbers_of_body(dimension: usize) -> usize {
     dimension + 1
+}
+
+/// The longest payload of a solution for a mesh of `nodes` nodes, with `scalars` scalars and so many parts of the boundary.
+pub fn longest_solution(dimension: usize, (nodes, scalars, parts): (usize, usize, usize)) -> usize {
+    let columns = dimension + 1 + scalars;
+    let of_part = numbers_of_balance(dimension, scalars) + numbers_of_body(dimension);
+    nodes.next_multiple_of(PAD) * columns + parts * of_part + REPORT
 }
 
 /// The answer of the fluid: fields, the balances of the parts of the boundary, the bodies, and the report behind them.

@@ -30,6 +30,6 @@ pub use columns::{
 };
 pub use header::{ACCEPT, HEADER_BYTES, Header, IMMERSED, Kind, MAGIC, MOVES, VERSION};
 pub use mesh::{MeshMessage, StateMessage, read_mesh, read_state};
-pub use messages::{SolutionMessage, StepLayout, StepMessage, read_solution, read_step};
+pub use messages::{SolutionMessage, StepLayout, StepMessage, longest_solution, read_solution, read_step};
 pub use motion::MotionLayout;
 pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

@@ -159,9 +159,9 @@ fn a_solution_that_is_not_finite_names_the_field_and_the_node() {
     let mut solution = Solution { fields: fields(4), ..Solution::default() };
     assert_eq!(solution.not_finite(&scalars), None);
     solution.fields.scalars[1][2] = f64::NAN;
-    assert_eq!(solution.not_finite(&scalars), Some(("tracer".into(), 2)));
+    assert_eq!(solution.not_finite(&scalars), Some("tracer at node 2".into()));
     solution.fields.velocity[3][1] = f64::INFINITY;
-    assert_eq!(solution.not_finite(&scalars), Some(("velocity".into(), 3)));
+    assert_eq!(solution.not_finite(&scalars), Some("velocity at node 3".into()));
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Texts in a payload, and what the hellos say.
 
 use super::columns::{Described, POINT_SCALAR, POINTS};
-use super::{Header, VERSION};
+use super::{Header, Kind, VERSION};
+use crate::token::Token;
 use serde::{Deserialize, Serialize};
 use voidage_coupling::backend::Model;
 use voidage_coupling::error::PeerError;
@@ -42,12 +43,31 @@ pub struct Greeting {
     pub solver: String,
     /// Version of the protocol.
     pub protocol: u32,
+    /// The word of [`Token`], if the solver was given one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub token: Option<String>,
 }
 
 impl Greeting {
+    /// Longest payload of a greeting, numbers.
+    pub const LONGEST: usize = 512;
+
     /// The greeting of a solver of this name.
-    pub fn new(solver: &str) -> Self {
-        Self { solver: solver.to_owned(), protocol: VERSION }
+    pub fn new(solver: &str, token: &Token) -> Self {
+        let token = token.word().map(str::to_owned);
+        Self { solver: solver.to_owned(), protocol: VERSION, token }
+    }
+
+    /// The greeting that a frame brings.
+    ///
+    /// # Errors
+    /// The frame is no hello, or its text is no greeting.
+    pub fn read(header: &Header, payload: &[f64]) -> Result<Self, PeerError> {
+        match header.kind()? {
+            Kind::Hello => serde_json::from_str(&read_text(header, payload)?)
+                .map_err(|error| PeerError::protocol(format!("the hello: {error}"))),
+            other => Err(PeerError::protocol(format!("{other:?} instead of a hello"))),
+        }
     }
 }
 

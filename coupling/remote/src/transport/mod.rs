@@ -14,6 +14,7 @@ pub use address::Address;
 pub use frame::{Frame, Loan};
 
 use crate::protocol::Header;
+use crate::token::Token;
 use std::time::{Duration, Instant};
 use voidage_coupling::error::{Notice, PeerError};
 
@@ -56,18 +57,32 @@ pub trait Channel: Send {
 
     /// What sends heartbeats beside.
     fn pulse(&self) -> Pulse;
+
+    /// The longest payload that the other process may send next, numbers. A longer one is refused before memory is taken for it;
+    /// where the other process brings that memory itself, this changes nothing.
+    fn allow(&mut self, _numbers: usize) {}
+
+    /// Why the last of those was turned away who came in the place of the fluid solver.
+    fn turned_away(&self) -> Option<&str> {
+        None
+    }
 }
 
-/// The channel of the grains at an address, and the address that the solver must be given. With TCP port 0 means any, and
-/// `silence` is the longest time that the solver may take nothing of a frame.
+/// The channel of the grains at an address, and the address that the solver must be given. With TCP port 0 means any, `silence` is
+/// the longest time that the solver may take nothing of a frame or be on its way with one, and those are turned away whose first
+/// frame is no hello with the token.
 ///
 /// # Errors
 /// The address is in use, or there is no shared memory.
-pub fn listen(address: &Address, silence: Duration) -> Result<(Box<dyn Channel>, Address), PeerError> {
+pub fn listen(
+    address: &Address,
+    silence: Duration,
+    token: &Token,
+) -> Result<(Box<dyn Channel>, Address), PeerError> {
     match address {
         Address::Shared(run) => Ok((Box::new(shared::Shared::create(run)?), address.clone())),
         Address::Tcp(place) => {
-            let (channel, place) = tcp::Tcp::listen(place, silence.max(LOOK))?;
+            let (channel, place) = tcp::Tcp::listen(place, silence.max(LOOK), token.clone())?;
             Ok((Box::new(channel), Address::Tcp(place)))
         }
     }

@@ -1,7 +1,8 @@
 //! The frames over TCP: header and payload as they lie in memory.
 
 use super::{Channel, Event, Frame, LOOK, Loan, Pulse};
-use crate::protocol::{HEADER_BYTES, Header, Kind};
+use crate::protocol::{Greeting, HEADER_BYTES, Header, Kind};
+use crate::token::Token;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,37 +16,185 @@ struct Partial {
     payload: Vec<f64>,
     /// Bytes read, those of the header first.
     read: usize,
+    /// When it was first seen, and whether it was found to be late once.
+    since: Option<Instant>,
+    late: bool,
+}
+
+impl Partial {
+    /// Reads on, for a tenth of a second at most; `None` if there is no whole frame then. Its payload may have so many numbers.
+    fn read_on(&mut self, stream: &mut TcpStream, longest: usize) -> Result<Option<Frame>, PeerError> {
+        let end = Instant::now() + LOOK;
+        let Self { header, payload, read, .. } = self;
+        if *read < HEADER_BYTES && !fill(stream, header_bytes_mut(header), 0, read, end)? {
+            return Ok(None);
+        }
+        if payload.is_empty() {
+            // Before its length is believed.
+            header.kind()?;
+            let length = header.length;
+            if length > longest as u64 {
+                let text =
+                    format!("a frame that says it has {length} numbers, where at most {longest} belong");
+                return Err(PeerError::protocol(text));
+            }
+            if payload.try_reserve_exact(length as usize).is_err() {
+                return Err(PeerError::channel(format!(
+                    "there is no memory for a frame of {length} numbers"
+                )));
+            }
+            payload.resize(length as usize, 0.0);
+        }
+        if !fill(stream, bytes_mut(payload), HEADER_BYTES, read, end)? {
+            return Ok(None);
+        }
+        let Partial { header, payload, .. } = std::mem::take(self);
+        Frame::owned(header, payload).map(Some)
+    }
+
+    /// Whether a frame has been on its way for longer than this. A process that was stopped finds it late when it goes on: it looks
+    /// once more.
+    fn is_late(&mut self, longest: Duration) -> bool {
+        if self.read == 0 {
+            return false;
+        }
+        let late = self.since.get_or_insert_with(Instant::now).elapsed() > longest;
+        std::mem::replace(&mut self.late, late) && late
+    }
+}
+
+/// Somebody who has connected and may be the solver.
+struct Visitor {
+    stream: TcpStream,
+    hello: Partial,
+    since: Instant,
+}
+
+/// Where solvers knock.
+struct Door {
+    listener: TcpListener,
+    token: Token,
+    visitors: Vec<Visitor>,
+}
+
+/// Visitors at a time; the system keeps further ones waiting.
+const VISITORS: usize = 64;
+/// How long a visitor may take to greet.
+const GREETING: Duration = Duration::from_secs(5);
+
+/// What a look at the visitors has found.
+enum Knock {
+    /// The solver, and its hello.
+    Solver(TcpStream, Box<Frame>),
+    /// Somebody has been turned away.
+    Other(String),
+    Nobody,
+}
+
+impl Door {
+    /// Lets visitors in, and looks what they say.
+    fn look(&mut self) -> Result<Knock, PeerError> {
+        while self.visitors.len() < VISITORS {
+            match self.listener.accept() {
+                Ok((stream, _)) => {
+                    // A visitor of whom one would have to wait is none.
+                    if stream.set_nonblocking(true).is_ok() {
+                        self.visitors.push(Visitor {
+                            stream,
+                            hello: Partial::default(),
+                            since: Instant::now(),
+                        });
+                    }
+                }
+                Err(error) if is_wait(&error) => break,
+                // Somebody who connects and goes at once is no error of the door.
+                Err(error) if error.kind() == ErrorKind::ConnectionAborted => {}
+                Err(error) => return Err(broken(error)),
+            }
+        }
+        for k in 0..self.visitors.len() {
+            let Visitor { stream, hello, since } = &mut self.visitors[k];
+            let greeted = hello.read_on(stream, Greeting::LONGEST).and_then(|frame| {
+                let greeting =
+                    frame.map(|frame| Greeting::read(frame.header(), frame.payload()).map(|g| (g, frame)));
+                greeting.transpose()
+            });
+            match greeted {
+                Ok(Some((greeting, frame))) if self.token.admits(&greeting) => {
+                    let Visitor { stream, .. } = self.visitors.swap_remove(k);
+                    return Ok(Knock::Solver(stream, Box::new(frame)));
+                }
+                Ok(Some((greeting, _))) => {
+                    self.visitors.swap_remove(k);
+                    return Ok(Knock::Other(format!(
+                        "\"{}\" has not the token of this run",
+                        greeting.solver
+                    )));
+                }
+                // Without a token everybody is believed, also that he is a solver of another version.
+                Err(error) if self.token.word().is_none() && hello.header.is_of_another_version() => {
+                    return Err(error);
+                }
+                Err(error) => {
+                    self.visitors.swap_remove(k);
+                    return Ok(Knock::Other(error.to_string()));
+                }
+                Ok(None) if since.elapsed() > GREETING => {
+                    self.visitors.swap_remove(k);
+                    return Ok(Knock::Other(format!("no hello within {} s", GREETING.as_secs())));
+                }
+                Ok(None) => {}
+            }
+        }
+        Ok(Knock::Nobody)
+    }
 }
 
 /// An end of a TCP connection.
 pub struct Tcp {
     /// Taken away once the solver is there.
-    listener: Option<TcpListener>,
+    door: Option<Door>,
+    /// Why the last visitor was turned away.
+    turned_away: Option<String>,
     /// For reading.
     stream: Option<TcpStream>,
     /// For writing: heartbeats must not get into a frame.
     writer: Arc<Mutex<Option<TcpStream>>>,
+    /// The hello of the solver, to be received.
+    hello: Option<Box<Frame>>,
     partial: Partial,
-    /// Longest time in which the other end takes nothing.
+    /// Longest payload, numbers.
+    longest: usize,
+    /// Longest time in which the other end takes nothing, or a frame is on its way.
     silence: Duration,
 }
 
 impl Tcp {
     fn closed(silence: Duration) -> Self {
-        let (writer, partial) = (Arc::default(), Partial::default());
-        Self { listener: None, stream: None, writer, partial, silence }
+        Self {
+            door: None,
+            turned_away: None,
+            stream: None,
+            writer: Arc::default(),
+            hello: None,
+            partial: Partial::default(),
+            longest: isize::MAX as usize / 8,
+            silence,
+        }
     }
 
-    /// Listens at `HOST:PORT`, for one solver; also returns where, with the port that was chosen for port 0.
+    /// Listens at `HOST:PORT`, for one solver that greets with the token; also returns where, with the port that was chosen for
+    /// port 0.
     ///
     /// # Errors
     /// The port is in use.
-    pub fn listen(place: &str, silence: Duration) -> Result<(Self, String), PeerError> {
+    pub fn listen(place: &str, silence: Duration, token: Token) -> Result<(Self, String), PeerError> {
         let cannot = |error: io::Error| PeerError::channel(format!("cannot listen at tcp:{place}: {error}"));
         let listener = TcpListener::bind(place).map_err(cannot)?;
         listener.set_nonblocking(true).map_err(cannot)?;
         let place = listener.local_addr().map_err(cannot)?.to_string();
-        Ok((Self { listener: Some(listener), ..Self::closed(silence) }, place))
+        let door = Door { listener, token, visitors: vec![] };
+        Ok((Self { door: Some(door), ..Self::closed(silence) }, place))
     }
 
     /// Connects to the grains at `HOST:PORT`; `None` if nobody listens there yet.
@@ -70,51 +219,40 @@ impl Tcp {
         stream.set_write_timeout(Some(self.silence))?;
         *self.writer.lock().unwrap_or_else(PoisonError::into_inner) = Some(stream.try_clone()?);
         self.stream = Some(stream);
-        self.listener = None;
         Ok(())
     }
 
-    /// Waits for the solver to connect.
+    /// Waits for the solver to come and greet; others are turned away meanwhile.
     fn accept(&mut self, wait: Duration) -> Result<bool, PeerError> {
         let start = Instant::now();
-        while let Some(listener) = &self.listener {
-            match listener.accept() {
-                Ok((stream, _)) => self.use_stream(stream).map_err(broken)?,
-                Err(error) if error.kind() != ErrorKind::WouldBlock => return Err(broken(error)),
-                Err(_) if start.elapsed() >= wait => return Ok(false),
-                Err(_) => std::thread::sleep(Duration::from_millis(5)),
+        while let Some(door) = &mut self.door {
+            match door.look()? {
+                Knock::Solver(stream, hello) => {
+                    self.use_stream(stream).map_err(broken)?;
+                    (self.door, self.hello) = (None, Some(hello));
+                }
+                Knock::Other(why) => self.turned_away = Some(why),
+                Knock::Nobody if start.elapsed() >= wait => return Ok(false),
+                Knock::Nobody => std::thread::sleep(Duration::from_millis(5)),
             }
         }
         Ok(true)
     }
-
-    /// Reads on; `None` if there is no whole frame in this time.
-    fn read_on(&mut self) -> Result<Option<Frame>, PeerError> {
-        let Some(stream) = &mut self.stream else { return Err(PeerError::Gone) };
-        let Partial { header, payload, read } = &mut self.partial;
-        if *read < HEADER_BYTES && !fill(stream, header_bytes_mut(header), 0, read)? {
-            return Ok(None);
-        }
-        if payload.is_empty() {
-            // Before its length is believed.
-            header.kind()?;
-            let length = header.length;
-            if length > isize::MAX as u64 / 8 || payload.try_reserve_exact(length as usize).is_err() {
-                return Err(PeerError::protocol(format!("a frame that says it has {length} numbers")));
-            }
-            payload.resize(length as usize, 0.0);
-        }
-        if !fill(stream, bytes_mut(payload), HEADER_BYTES, read)? {
-            return Ok(None);
-        }
-        let Partial { header, payload, .. } = std::mem::take(&mut self.partial);
-        Frame::owned(header, payload).map(Some)
-    }
 }
 
-/// Fills a part of a frame that starts at `start`, of which `read` bytes are there; `false` if it takes longer.
-fn fill(stream: &mut TcpStream, part: &mut [u8], start: usize, read: &mut usize) -> Result<bool, PeerError> {
+/// Fills a part of a frame that starts at `start`, of which `read` bytes are there; `false` if it takes longer, or goes on beyond
+/// `end`.
+fn fill(
+    stream: &mut TcpStream,
+    part: &mut [u8],
+    start: usize,
+    read: &mut usize,
+    end: Instant,
+) -> Result<bool, PeerError> {
     while *read < start + part.len() {
+        if Instant::now() >= end {
+            return Ok(false);
+        }
         match stream.read(&mut part[*read - start..]) {
             Ok(0) => return Err(PeerError::Gone),
             Ok(count) => *read += count,
@@ -145,16 +283,32 @@ impl Channel for Tcp {
         if !self.accept(wait)? {
             return Ok(Event::Nothing);
         }
-        let Some(stream) = &self.stream else { return Err(PeerError::Gone) };
+        if let Some(hello) = self.hello.take() {
+            return Ok(Event::Frame(hello));
+        }
+        let Self { stream, partial, silence, longest, .. } = self;
+        let Some(stream) = stream else { return Err(PeerError::Gone) };
         stream.set_read_timeout(Some(wait)).map_err(broken)?;
-        let before = self.partial.read;
-        match self.read_on()? {
+        let before = partial.read;
+        match partial.read_on(stream, *longest)? {
             Some(frame) if frame.kind() == Kind::Heartbeat => Ok(Event::Heartbeat),
             Some(frame) => Ok(Event::Frame(Box::new(frame))),
+            None if partial.is_late(*silence) => Err(PeerError::protocol(format!(
+                "a frame that is not complete after {} s",
+                silence.as_secs_f64()
+            ))),
             // A long frame on its way is a sign of life.
-            None if self.partial.read > before => Ok(Event::Heartbeat),
+            None if partial.read > before => Ok(Event::Heartbeat),
             None => Ok(Event::Nothing),
         }
+    }
+
+    fn allow(&mut self, numbers: usize) {
+        self.longest = numbers.min(isize::MAX as usize / 8);
+    }
+
+    fn turned_away(&self) -> Option<&str> {
+        self.turned_away.as_deref()
     }
 
     fn pulse(&self) -> Pulse {
