@@ -147,21 +147,31 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
 }
 
 impl<const D: usize> Solution<D> {
-    /// The first value that is no number, by the name of its field and its node.
-    pub fn not_finite(&self, scalars: &[Scalar]) -> Option<(String, usize)> {
+    /// The place of the first value that is not finite, in words: `velocity at node 3`.
+    pub fn not_finite(&self, scalars: &[Scalar]) -> Option<String> {
         let vector = |v: &Vector<D>| v.iter().all(|x| x.is_finite());
         let fields = &self.fields;
         if let Some(node) = fields.velocity.iter().position(|u| !vector(u)) {
-            return Some(("velocity".into(), node));
+            return Some(format!("velocity at node {node}"));
         }
         if let Some(node) = fields.pressure.iter().position(|p| !p.is_finite()) {
-            return Some(("pressure".into(), node));
+            return Some(format!("pressure at node {node}"));
         }
         let values = fields.scalars.iter().zip(scalars);
         let wrong = values.filter_map(|(values, scalar)| {
             let node = values.iter().position(|value| !value.is_finite())?;
-            Some((scalar.name.clone(), node))
+            Some(format!("{} at node {node}", scalar.name))
         });
-        wrong.into_iter().next()
+        let in_balance = |balance: &Balance<D>| {
+            let scalars = balance.scalars.iter().chain(&balance.convected);
+            balance.force.iter().chain([&balance.flux]).chain(scalars).all(|x| x.is_finite())
+        };
+        let part = self.balances.iter().position(|balance| !in_balance(balance));
+        let in_body =
+            |body: &BodyAnswer<D>| body.velocity.iter().chain([&body.vapour]).all(|x| x.is_finite());
+        let body = self.bodies.iter().position(|body| !in_body(body));
+        let parts = part.map(|part| format!("the balance of part {part} of the boundary"));
+        let bodies = body.map(|body| format!("the motion of body {body}"));
+        wrong.into_iter().next().or(parts).or(bodies)
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::droplet::wet::Taken;
 use crate::scheme::Scheme;
-use crate::{Clock, Fluid, Interaction, Mixture, Result, StepReport};
+use crate::{Clock, Error, Fluid, Interaction, Mixture, Notice, Result, StepReport};
 use std::time::Instant;
 use voidage_dem::{Dem, Load};
 
@@ -14,6 +14,22 @@ pub enum System<const D: usize> {
     Fluid(Box<Fluid<D>>),
     /// Grains in a fluid.
     Mixture(Box<Mixture<D>>),
+}
+
+/// The error of a step in which no grain moved, because one would have been thrown out.
+fn runaway<const D: usize>(system: &System<D>, grain: u32, speed: f64) -> Error {
+    let grains = match system {
+        System::Grains(grains, _) => Some(&**grains),
+        System::Mixture(mixture) => Some(&mixture.grains),
+        System::Fluid(_) => None,
+    };
+    let id = grains.map_or(0, |grains| grains.particles.id[grain as usize]);
+    Error::run(Notice::new(
+        format!(
+            "grain {id} would go at {speed:.1e} m/s in this step: the forces on it are out of all proportion"
+        ),
+        "look at the fields of the fluid at this grain, at `time.step`, and at the numbers of the scene",
+    ))
 }
 
 /// A system beside the scheme that advances it, if grains and fluid act on each other.
@@ -63,6 +79,9 @@ impl<const D: usize> Coupled<D> {
                 report.phases.remesh += renewed.phases.remesh;
                 mixture.dismiss();
             }
+        }
+        if let Some((grain, speed)) = report.grains.and_then(|grains| grains.runaway) {
+            return Err(runaway(&self.system, grain, speed));
         }
         self.remesh(&mut report)?;
         Ok(report)

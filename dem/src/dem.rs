@@ -19,6 +19,9 @@ use serde::{Deserialize, Serialize};
 
 mod contacts;
 
+/// Radii that a grain may go in a step.
+const RUNAWAY: f64 = 1e7;
+
 /// Grains, walls and everything that carries over from step to step.
 pub struct Dem<const D: usize> {
     /// The grains. Positions, velocities, spins and temperatures may be changed between steps; adding or removing
@@ -201,6 +204,10 @@ impl<const D: usize> Dem<D> {
         self.mean_velocity.resize(load.drag.len(), Vector::zeros());
         self.mean_temperature.clear();
         self.mean_temperature.resize(load.transfer.len(), 0.0);
+        let runaway = self.runaway(dt, load);
+        if runaway.is_some() {
+            return StepReport { runaway, ..StepReport::default() };
+        }
         let mut report = StepReport { converged: true, ..StepReport::default() };
         let (start, mut left) = (self.time, dt);
         loop {
@@ -227,6 +234,23 @@ impl<const D: usize> Dem<D> {
         self.mean_temperature.iter_mut().for_each(|t| *t /= dt);
         report.wall_heat = self.wall_heat.iter().sum();
         report
+    }
+
+    /// The first grain whose place or velocity, now or after the forces, is not finite, or that would go farther than [`RUNAWAY`]
+    /// radii; and its speed. No search for contacts would end.
+    fn runaway(&self, dt: f64, load: &Load<'_, D>) -> Option<(u32, f64)> {
+        let (scene, p) = (self.scene(dt, load), &self.particles);
+        (0..p.len()).find_map(|i| {
+            let speed = p.velocity[i].norm_squared().max(scene.free_velocity(i).norm_squared()).sqrt();
+            let spins = p.rotation.as_ref().is_none_or(|rotation| rotation.spin[i].is_finite());
+            let sane =
+                speed * dt <= RUNAWAY * p.radius[i] && spins && p.position[i].iter().all(|x| x.is_finite());
+            // The larger of two numbers hides one that is none.
+            let sane = sane
+                && !scene.free_velocity(i).norm_squared().is_nan()
+                && !p.velocity[i].norm_squared().is_nan();
+            (!sane).then_some((i as u32, speed))
+        })
     }
 
     /// Takes grains out of the run: those that are not marked. Contacts of the others stay.

@@ -150,7 +150,7 @@ impl<const D: usize> Grid<D> {
         while count(width) > most {
             width *= 1.25;
         }
-        self.levels = (coarsest / finest).log2().round().clamp(1.0, MAX_LEVELS as f64) as usize;
+        self.levels = ((coarsest / finest).log2().round() as usize).clamp(1, MAX_LEVELS);
         while self.levels > 1 && count(width) * (1u64 << (D * (self.levels - 1))) as f64 > most {
             self.levels -= 1;
         }

@@ -273,7 +273,8 @@ impl<const D: usize> Particles<D> {
                     at("heat capacity")
                 })?;
                 let temperature = heat.temperature[i];
-                check(temperature.is_finite(), temperature, "it must be finite", || at("temperature"))?;
+                let good = temperature.is_finite() && temperature >= 0.0;
+                check(good, temperature, "it must be 0 K or more", || at("temperature"))?;
             }
         }
         Ok(())

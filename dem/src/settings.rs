@@ -204,6 +204,8 @@ pub struct StepReport {
     pub wall_heat: f64,
     /// Iterations of the implicit heat equation, all sub-steps together.
     pub heat_iterations: usize,
+    /// A grain that forces would throw out of all proportion, and its speed, m/s: then no grain has moved.
+    pub runaway: Option<(u32, f64)>,
 }
 
 impl StepReport {
@@ -217,6 +219,7 @@ impl StepReport {
             converged: first.converged && self.converged,
             max_penetration_over_radius: deepest.max_penetration_over_radius,
             deepest: deepest.deepest,
+            runaway: first.runaway.or(self.runaway),
             ..self
         }
     }

@@ -87,6 +87,18 @@ const MISTAKES: &[Mistake] = &[
         &["grains[0].temperature = inf", "finite"],
     ),
     mistake(
+        "grains colder than anything",
+        ["temperature = 363.15", "temperature = -5.0"],
+        "temperature = -5.0",
+        &["grains[0].temperature = -5", "above 0"],
+    ),
+    mistake(
+        "a fluid colder than anything",
+        ["initial_temperature = 290.0", "initial_temperature = -1.0"],
+        "initial_temperature",
+        &["fluid.heat.initial_temperature = -1", "above 0"],
+    ),
+    mistake(
         "zero radius",
         ["{ uniform = [5e-4, 6e-4] }", "{ constant = 0 }"],
         "radius =",
@@ -281,6 +293,12 @@ const MISTAKES: &[Mistake] = &[
         ["upper = [0.01, 0.03]\n", "upper = [0.01, -0.03]\n"],
         "upper = [0.01, -0.03]",
         &["-0.03", "above"],
+    ),
+    mistake(
+        "cells larger than the domain",
+        ["size = 2e-3", "size = 0.5"],
+        "size = 0.5",
+        &["fluid.mesh.rectangle.size = 0.5", "longer than the rectangle", "length of the edges"],
     ),
     mistake("size of zero", ["size = 2e-3", "size = 0.0"], "size = 0.0", &["size = 0", "positive"]),
     mistake("part beyond its side", ["to = 6e-3", "to = 6.0"], "bottom", &["to = 6", "between"]),
@@ -483,6 +501,9 @@ fn files_that_are_missing_or_wrong_are_named() {
         ("x,y,r\n0.005,0.005,0.0005\n0.0053,0.005,0.0005\n", ["line 3", "overlaps that of line 2"]),
         ("x,y,r\n0.005,0.5,0.0005\n", ["line 2", "outside of the fluid"]),
         ("x,y,r\n0.0001,0.005,0.0005\n", ["line 2", "outside of the fluid"]),
+        ("x,y,r,vx,vy\n0.005,0.005,0.0005,1e308,0\n", ["line 2", "velocity (1e308, 0e0) is out of range"]),
+        ("x,y,r\n0.005,1e300,0.0005\n", ["line 2", "place (5e-3, 1e300) is out of range"]),
+        ("x,y,r,T\n0.005,0.005,0.0005,-5\n", ["line 2", "T is -5: a temperature must be 0 K or more"]),
     ] {
         fs::write(in_folder("grains.csv"), table).unwrap();
         let said = refused(folder.path(), &["check", "scene.toml"]);

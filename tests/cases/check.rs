@@ -3,6 +3,8 @@
 use assert_cmd::Command;
 use std::fs;
 use std::path::Path;
+use voidage_fluid::Mesh;
+use voidage_scene::{MeshSource, Scene};
 
 const BED: &str = include_str!("bed.toml");
 
@@ -102,6 +104,11 @@ fn what_a_run_would_refuse_is_refused() {
         ("walls.left.name=right", ["another wall has this name", "walls["]),
         ("output.average.cell=1e-9", ["output.average.cell", "squares"]),
         ("fluid.mesh.rectangle.size=2.5e-6", ["triangles", "larger size"]),
+        (
+            "fluid.mesh.rectangle.refine=[{ around = { point = [5e-3, 1e-2] }, size = 1e-8, within = 1e-3 }]",
+            ["refine[0].size", "triangles"],
+        ),
+        ("grains[0].amount={ mass = 1e9 }", ["grains[0].amount.mass", "at most"]),
         ("grains[0].amount.count=4294967296", ["4294967296 grains", "at most"]),
         ("materials.glass.friction=1e30", ["materials.glass.friction", "out of range"]),
         ("materials.glass.density=1e-300", ["materials.glass.density", "out of range"]),
@@ -115,12 +122,57 @@ fn what_a_run_would_refuse_is_refused() {
     }
 }
 
-#[test]
-fn a_gmsh_mesh_is_read() {
+/// The small bed on a mesh from the file `bed.msh`.
+fn on_a_file() -> tempfile::TempDir {
     let before = BED.find("[fluid.mesh.rectangle]").unwrap();
     let after = BED.find("[fluid.heat]").unwrap();
-    let scene = format!("{}[fluid.mesh]\nfile = \"bed.msh\"\n\n{}", &BED[..before], &BED[after..]);
-    let folder = folder(&scene);
+    folder(&format!("{}[fluid.mesh]\nfile = \"bed.msh\"\n\n{}", &BED[..before], &BED[after..]))
+}
+
+#[test]
+fn memory_was_taken_for_what_no_machine_has() {
+    let fine = ["grains[0].radius={ constant = 5e-9 }", "grains[0].amount=fill"];
+    let (code, _, said) = check(folder(BED).path(), &fine);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(
+        said.contains("grains[0].radius") && said.contains("grains") && said.contains("at most"),
+        "{said}"
+    );
+    // Only the mesh of the file says how large the domain is.
+    let folder = on_a_file();
+    fs::write(folder.path().join("bed.msh"), mesh().to_msh().unwrap()).unwrap();
+    let (code, _, said) = check(folder.path(), &["output.average.cell=1e-9"]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("output.average.cell") && said.contains("squares"), "{said}");
+    let (code, _, said) = check(folder.path(), &[]);
+    assert_eq!(code, Some(0), "{said}");
+}
+
+/// The mesh of the small bed.
+fn mesh() -> Mesh<2> {
+    let scene = Scene::parse(Path::new("bed.toml"), BED, &[]).unwrap();
+    match &scene.fluid.unwrap().mesh {
+        MeshSource::Rectangle(rectangle) => Mesh::rectangle(rectangle).unwrap(),
+        MeshSource::File(_) => panic!("the small bed has a rectangle"),
+    }
+}
+
+#[test]
+fn a_folded_mesh_was_good() {
+    let mut mesh = mesh();
+    let on_boundary = |node: u32| mesh.boundaries.iter().any(|part| part.facets.contains(&node));
+    let inner = (0..mesh.points.len() as u32).find(|node| !on_boundary(*node)).unwrap();
+    mesh.points[inner as usize] = [0.009, 0.05].into();
+    let folder = on_a_file();
+    fs::write(folder.path().join("bed.msh"), mesh.to_msh().unwrap()).unwrap();
+    let (code, _, said) = check(folder.path(), &[]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("bed.msh: the mesh is folded"), "{said}");
+}
+
+#[test]
+fn a_gmsh_mesh_is_read() {
+    let folder = on_a_file();
     for text in ["no mesh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"] {
         fs::write(folder.path().join("bed.msh"), text).unwrap();
         let (code, _, said) = check(folder.path(), &[]);

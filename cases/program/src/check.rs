@@ -2,16 +2,17 @@
 
 use crate::ending::Ending;
 use crate::sizes::{Sizes, closed_inflow};
-use crate::{placing, run};
+use crate::{cases, placing, run};
 use std::path::Path;
 use voidage_campaign::process::catch_interrupts;
 use voidage_coupling::Result;
 use voidage_remote::launch::Host;
+use voidage_scene::recorder::check_averages;
 use voidage_scene::{Amount, MeshSource, Placement, Scene, Simulation};
 
 /// Checks a scene, builds what it describes, and prints its parts and sizes.
 pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
-    let scene = Scene::read(file, sets)?;
+    let scene = cases::read(file, sets)?;
     let simulation = build(&scene)?;
     println!("{}: good\n{}", file.display(), scene.title);
     line("steps", format!("{} of {} s to {} s", scene.time.steps(), scene.time.step, scene.time.end));
@@ -61,6 +62,7 @@ fn build(scene: &Scene) -> Result<Simulation> {
     simulation.refresh()?;
     placing::tell(&placing.beds);
     run::check_stop(scene, &simulation)?;
+    check_averages(scene, &simulation.view())?;
     let mesh = simulation.coupled().fluid().map(|fluid| &fluid.mesh);
     match mesh.and_then(|mesh| closed_inflow(scene, mesh)) {
         None => Ok(simulation),

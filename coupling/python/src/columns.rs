@@ -299,6 +299,13 @@ impl Columns {
         let Some(old) = self.column(py, name)? else { return Err(self.missing(py, name)) };
         let rows = old.numbers.len() / old.width;
         let numbers = finite_numbers(value, name, Some(rows), old.width)?;
+        let cold = numbers.iter().position(|kelvin| *kelvin < 0.0);
+        if let (Group::Grains, "temperature", Some(row)) = (self.group, name, cold) {
+            let kelvin = numbers[row];
+            return Err(PyValueError::new_err(format!(
+                "`{name}` is {kelvin} in row {row}, it must be 0 K or more"
+            )));
+        }
         let written = self.with(py, |subject| {
             let target = self.group.target(subject, name);
             Ok(target.map(|target| match target {

@@ -82,7 +82,11 @@ pub fn read_table<const D: usize>(path: &Path, material: u8, materials: &[Materi
             velocity.push(vector(axes)?);
         }
         if let Some(k) = columns.temperature {
-            temperature.push(number(k)?);
+            let kelvin = number(k)?;
+            if kelvin < 0.0 {
+                return Err(fail(path, line, format!("T is {kelvin}: a temperature must be 0 K or more")));
+            }
+            temperature.push(kelvin);
         }
     }
     if position.is_empty() {
@@ -157,6 +161,10 @@ mod tests {
     #[test]
     fn errors_name_line_value_and_what_is_allowed() {
         let message = |name: &str, text: &str| read(name, text).unwrap_err().to_string();
+        assert!(
+            message("cold", "x,y,r,T\n0,0,1,300\n3,0,1,-5\n")
+                .ends_with("line 3: T is -5: a temperature must be 0 K or more")
+        );
         assert!(
             message("word", "x,y,r\n0,0,1\n0,abc,1\n").ends_with("line 3: y is \"abc\", not a finite number")
         );

@@ -99,7 +99,7 @@ impl<const D: usize> Mesh<D> {
         Ok(alone.map(with_nodes).collect())
     }
 
-    /// Whether the mesh is whole: nodes exist and are finite, cells have positive measure, every boundary facet is in
+    /// Whether the mesh is whole: nodes exist and are finite, cells have positive measure and do not fold over each other, every boundary facet is in
     /// exactly one part, points outwards and names its cell, and every node is used.
     pub fn check(&self) -> Result<()> {
         self.check_cells()?;
@@ -112,7 +112,25 @@ impl<const D: usize> Mesh<D> {
         if let Some(node) = used.iter().position(|used| !used) {
             return Err(Error::Mesh(format!("node {node} belongs to no cell")));
         }
+        self.check_folds()?;
         self.check_boundaries()
+    }
+
+    /// Whether cells that share a facet lie on its two sides.
+    fn check_folds(&self) -> Result<()> {
+        let across = self.neighbours()?.across;
+        for (i, &other) in across.iter().enumerate().filter(|(_, other)| **other != Neighbours::<D>::NONE) {
+            let (cell, other) = (i / (D + 1), other as usize);
+            let nodes = facet::<D>(self.cell(cell), i % (D + 1));
+            if (0..=D).any(|k| same_turn::<D>(&nodes[..D], &facet::<D>(self.cell(other), k)[..D])) {
+                let place = self.points[nodes[0] as usize];
+                return Err(Error::Mesh(format!(
+                    "the mesh is folded: its cells {cell} and {other} lie on the same side of the facet that they share, at {:?}",
+                    place.as_slice()
+                )));
+            }
+        }
+        Ok(())
     }
 
     fn check_cells(&self) -> Result<()> {

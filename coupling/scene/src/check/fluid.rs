@@ -5,9 +5,13 @@ use crate::{
     Backend, Boundary, Droplet, Flow, Fluid, FluidHeat, HeatBoundary, Liquid, MeshSource, ScalarBoundary,
     Scene, Solver,
 };
+use std::f64::consts::{PI, TAU};
 use voidage_coupling::TEMPERATURE;
-use voidage_fluid::mesh::{Rectangle, Sides};
+use voidage_fluid::mesh::{Place, Rectangle, Sides};
 use voidage_remote::transport::Address;
+
+/// Most triangles of a mesh: ten times what a step of a minute takes, and what memory holds.
+const MOST_CELLS: f64 = 2e7;
 
 pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     positive(scene, "fluid.density", fluid.density)?;
@@ -165,12 +169,57 @@ fn check_rectangle(scene: &Scene, rectangle: &Rectangle) -> Checked {
         return fail(scene, &format!("{path}.{key}"), format!("`{path}`: {message}"), help);
     }
     let area = (0..2).map(|axis| rectangle.upper[axis] - rectangle.lower[axis]).product::<f64>();
-    let cells = rectangle.size.map_or(0.0, |size| 2.0 * area / size.powi(2));
-    if cells > 2e7 {
-        let message = format!("`{path}.size` makes about {cells:.0e} triangles");
-        return fail(scene, &format!("{path}.size"), message, "give a larger size");
+    let shortest =
+        (0..2).map(|axis| rectangle.upper[axis] - rectangle.lower[axis]).fold(f64::INFINITY, f64::min);
+    if let Some(size) = rectangle.size.filter(|size| *size > shortest) {
+        let message = format!(
+            "`{path}.size = {size}` is longer than the rectangle, whose shorter side has {shortest} m"
+        );
+        return fail(
+            scene,
+            &format!("{path}.size"),
+            message,
+            "give the length of the edges of cells, m: some in each direction",
+        );
     }
-    Ok(())
+    // Half a square of this side is a triangle.
+    let of = |area: f64, size: f64| 2.0 * area / size.powi(2);
+    let mut parts: Vec<(String, f64)> = Vec::new();
+    parts.extend(rectangle.size.map(|size| ("size".to_owned(), of(area, size))));
+    parts.extend(rectangle.structured.as_ref().map(|regular| {
+        (
+            "structured.squares".to_owned(),
+            regular.squares.iter().map(|count| *count as f64).product::<f64>() * 2.0,
+        )
+    }));
+    for (i, hole) in rectangle.holes.iter().enumerate() {
+        // A ring of one row at least.
+        parts.push((format!("holes[{i}].size"), of(TAU * hole.radius * hole.size, hole.size)));
+    }
+    for (i, refinement) in rectangle.refine.iter().enumerate() {
+        let (length, inside) = match &refinement.around {
+            Place::Point(_) => (0.0, 0.0),
+            Place::Segment { from, to } => ((to[0] - from[0]).hypot(to[1] - from[1]), 0.0),
+            Place::Box { lower, upper } => {
+                let [width, height] = [0, 1].map(|axis| upper[axis] - lower[axis]);
+                (width + height, width * height)
+            }
+        };
+        let reach = refinement.within.max(refinement.size);
+        let zone = inside + 2.0 * length * reach + PI * reach.powi(2);
+        parts.push((format!("refine[{i}].size"), of(zone.min(area), refinement.size)));
+    }
+    match parts.into_iter().find(|(_, cells)| *cells > MOST_CELLS) {
+        None => Ok(()),
+        Some((key, cells)) => {
+            let message = format!("`{path}.{key}` makes about {cells:.0e} triangles");
+            let help = match key.ends_with("squares") {
+                true => "give fewer squares",
+                false => "give a larger size",
+            };
+            fail(scene, &format!("{path}.{key}"), message, help)
+        }
+    }
 }
 
 /// The names of all parts of the boundary, in order, each once.

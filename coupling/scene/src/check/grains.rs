@@ -5,7 +5,8 @@ use super::{
 };
 use crate::totals::DEEP;
 use crate::{
-    Amount, Grains, Lattice, Material, MeshSource, Motion, MotionTable, Placement, Radius, Scene, Wall,
+    Amount, Deposit, Grains, Lattice, Material, MeshSource, Motion, MotionTable, Placement, Radius,
+    RandomBox, Scene, Wall,
 };
 use std::path::Path;
 use voidage_coupling::Error;
@@ -421,8 +422,42 @@ fn check_places(scene: &Scene) -> Checked {
     Ok(())
 }
 
+/// Most grains of a group: a hundred times what a machine of today computes in a day, and what its memory holds.
+const MOST_GRAINS: f64 = 1e8;
+
+/// A group has not more grains than memory, whatever is asked for.
+fn check_number(scene: &Scene, k: usize) -> Checked {
+    let group = &scene.grains[k];
+    let Some(radius) = &group.radius else { return Ok(()) };
+    let (each, solid) = (radius.mean_area(), scene.materials[&group.material].density * group.solidity);
+    let room = match &group.placement {
+        Placement::Deposit(Deposit { lower, upper, .. })
+        | Placement::Random(RandomBox { lower, upper, .. })
+        | Placement::Lattice(Lattice { lower, upper, .. }) => {
+            (0..2).map(|axis| upper.0[axis] - lower.0[axis]).product::<f64>() / each
+        }
+        Placement::Csv(_) | Placement::With(_) => 0.0,
+    };
+    let (count, key) = match group.amount {
+        Amount::Count(count) => (count as f64, "amount.count"),
+        Amount::Mass(mass) => (mass / (solid * each), "amount.mass"),
+        Amount::Fill => (room, "radius"),
+    };
+    if count <= MOST_GRAINS {
+        return Ok(());
+    }
+    let path = format!("grains[{k}].{key}");
+    let number = match group.amount {
+        Amount::Count(count) => count.to_string(),
+        Amount::Mass(_) | Amount::Fill => format!("about {count:.0e}"),
+    };
+    let message = format!("`{path}` makes {number} grains");
+    fail(scene, &path, message, format!("{MOST_GRAINS:.0e} at most: give larger grains, or fewer"))
+}
+
 /// The grains of a group may all fit in their box.
 fn check_room(scene: &Scene, group: usize) -> Checked {
+    check_number(scene, group)?;
     match crate::placing::check(scene, group) {
         Err(Error::Scene(error)) => Err(error),
         Err(error) => fail(scene, &format!("grains[{group}].placement"), error.to_string(), "change the box"),
@@ -474,6 +509,9 @@ fn bounds(scene: &Scene) -> Option<([f64; 2], [f64; 2])> {
     }
 }
 
+/// Largest coordinate of a grain of a file, m.
+const FAR: f64 = 1e6;
+
 /// Share of the smaller radius by which grains of a file may overlap: what rounding in the file does, and a little more.
 const OVERLAP: f64 = 0.02;
 
@@ -486,6 +524,17 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
     let material = voidage_dem::Material::default();
     let grains = read_table::<2>(file, 0, &[material]).map_err(|error| error.to_string())?;
     let file = file.display();
+    for (i, (at, velocity)) in grains.position.iter().zip(&grains.velocity).enumerate() {
+        for (what, vector, most) in [("place", at, FAR), ("velocity", velocity, super::FAST)] {
+            if vector.amax() > most {
+                let (x, y) = (vector.x, vector.y);
+                return Err(format!(
+                    "{file}, line {}: the {what} ({x:e}, {y:e}) is out of range, at most {most:e}",
+                    i + 2
+                ));
+            }
+        }
+    }
     for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
         let outside = bounds(scene).is_some_and(|(lower, upper)| {
             let reach = radius * (1.0 - OVERLAP);

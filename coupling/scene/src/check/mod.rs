@@ -3,15 +3,15 @@
 mod fluid;
 mod grains;
 
-use super::{Coordinates, MeshSource, Scene, SceneError};
+use super::{Coordinates, Scene, SceneError};
 use voidage_coupling::TEMPERATURE;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::relaxation::Relaxation;
 
 type Checked = Result<(), Box<SceneError>>;
 
-/// Most squares of a grid of averages.
-const MOST_SQUARES: f64 = 1e7;
+/// Largest velocity of a grain at the start, m/s.
+const FAST: f64 = 1e5;
 
 /// Checks that go before defaults are filled in: whether the tables fit together.
 pub(super) fn structure(scene: &Scene) -> Checked {
@@ -152,7 +152,7 @@ fn magnitudes(scene: &Scene) -> Checked {
     }
     for (i, group) in scene.grains.iter().enumerate() {
         let speed = group.velocity.as_ref().map_or(0.0, size);
-        bounded.push((format!("grains[{i}].velocity"), speed, 0.0, 1e5));
+        bounded.push((format!("grains[{i}].velocity"), speed, 0.0, FAST));
     }
     for (i, wall) in scene.walls.iter().enumerate() {
         bounded.push((format!("walls[{i}].friction"), wall.friction.unwrap_or(0.0), 0.0, 1e3));
@@ -207,14 +207,6 @@ fn output(scene: &Scene) -> Checked {
             return fail(scene, "output.average", message, "add `[[grains]]`, or take it away");
         }
         positive(scene, "output.average.cell", average.cell)?;
-        if let Some(MeshSource::Rectangle(rectangle)) = scene.fluid.as_ref().map(|fluid| &fluid.mesh) {
-            let area = (0..2).map(|axis| rectangle.upper[axis] - rectangle.lower[axis]).product::<f64>();
-            let squares = area / average.cell.powi(2);
-            if squares > MOST_SQUARES {
-                let message = format!("`output.average.cell = {}` makes {squares:.0e} squares", average.cell);
-                return fail(scene, "output.average.cell", message, "give a larger side, of some grains");
-            }
-        }
         not_negative(scene, "output.average.from", average.from)?;
         if average.to <= average.from {
             let message =

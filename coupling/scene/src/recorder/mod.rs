@@ -23,7 +23,7 @@ pub use checkpoint::{Checkpoint, Stamp};
 pub use collection::Collection;
 pub use files::{create_folder, write_whole};
 pub use folder::{Earlier, LOCK, OutputFolder};
-pub use recording::{CHECKPOINT, Due, FAILED, Kept, Reading, Recording, readings};
+pub use recording::{CHECKPOINT, Due, FAILED, Kept, Reading, Recording, check_averages, readings};
 pub use series::Series;
 pub use summary::Summary;
 pub use view::{FluidView, GrainView, View, column_name, with_unit};

@@ -11,6 +11,9 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use voidage_coupling::error::Result;
 
+/// Most squares of a grid of averages.
+const MOST_SQUARES: f64 = 1e7;
+
 /// Name of the checkpoint in the folder of a run.
 pub const CHECKPOINT: &str = "checkpoint.voidage";
 
@@ -261,7 +264,7 @@ fn kept_averages<const D: usize>(
     view: &View<D>,
     checkpoint: Option<&Checkpoint>,
 ) -> Result<Option<Averages>> {
-    let fresh = averages(scene, view);
+    let fresh = averages(scene, view)?;
     let Some(checkpoint) = checkpoint else { return Ok(fresh) };
     let kept: Kept = checkpoint.recorder()?;
     Ok(match (fresh, kept.averages) {
@@ -297,9 +300,31 @@ pub fn readings<const D: usize>(
     row
 }
 
-/// The grid of the averages: over the fluid, or over all walls, or over all grains.
-fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Option<Averages> {
-    let average = scene.output.average.as_ref()?;
+/// Checks that the grid of the averages has not more squares than memory.
+///
+/// # Errors
+/// It has.
+pub fn check_averages<const D: usize>(scene: &Scene, view: &View<D>) -> Result<()> {
+    let (Some(average), Some([lower, upper])) = (&scene.output.average, extent(scene, view)) else {
+        return Ok(());
+    };
+    let squares = [0, 1].map(|axis| (upper[axis] - lower[axis]) / average.cell).iter().product::<f64>();
+    if squares <= MOST_SQUARES {
+        return Ok(());
+    }
+    let message = format!("`output.average.cell = {}` makes {squares:.0e} squares", average.cell);
+    Err(scene.error("output.average.cell", message, "give a larger side, of some grains"))
+}
+
+/// The grid of the averages.
+fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Result<Option<Averages>> {
+    check_averages(scene, view)?;
+    let grid = scene.output.average.as_ref().zip(extent(scene, view));
+    Ok(grid.map(|(average, [lower, upper])| Averages::new(lower, upper, average.cell)))
+}
+
+/// The corners of the fluid, or of all walls, or of all grains.
+fn extent<const D: usize>(scene: &Scene, view: &View<D>) -> Option<[[f64; 2]; 2]> {
     let plane = |point: &nalgebra::SVector<f64, D>| [point[0], point[D - 1]];
     let points: Vec<[f64; 2]> = match (&view.fluid, &view.grains) {
         (Some(fluid), _) => fluid.mesh.points.iter().map(plane).collect(),
@@ -314,7 +339,7 @@ fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Option<Averages> {
     let bound = |axis: usize, pick: fn(f64, f64) -> f64| points.iter().map(|point| point[axis]).reduce(pick);
     let lower = [bound(0, f64::min)?, bound(1, f64::min)?];
     let upper = [bound(0, f64::max)?, bound(1, f64::max)?];
-    Some(Averages::new(lower, upper, average.cell))
+    Some([lower, upper])
 }
 
 impl<const D: usize> GrainView<'_, D> {

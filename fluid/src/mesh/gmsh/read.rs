@@ -280,7 +280,7 @@ impl Contents {
             found.sort_unstable();
             found.dedup();
         }
-        Mesh::with_boundaries(points, cells, &names, |facet| {
+        let mesh = Mesh::with_boundaries(points, cells, &names, |facet| {
             let mut nodes: Vec<u32> = facet.iter().map(|&node| kept[node as usize]).collect();
             nodes.sort_unstable();
             let place =
@@ -297,7 +297,12 @@ impl Contents {
                     several.iter().map(label).collect::<Vec<_>>().join(", ")
                 ))),
             }
-        })
+        })?;
+        match mesh.check() {
+            Err(Error::Mesh(text)) => Err(error(text)),
+            Err(other) => Err(other),
+            Ok(()) => Ok(mesh),
+        }
     }
 
     /// The points that cells use, in the order of the file, and the cells by their new numbers.

@@ -93,3 +93,17 @@ proptest! {
         let _ = Mesh::<2>::parse_msh(&format!("{}{with}{}", &TWO[..at], &TWO[end..]), "damaged.msh");
     }
 }
+
+#[test]
+fn a_mesh_whose_node_was_moved_over_its_neighbours_was_taken() {
+    let text = sample().to_msh().unwrap();
+    let mesh = Mesh::<2>::parse_msh(&text, "good.msh").unwrap();
+    let inner = (0..mesh.points.len())
+        .find(|&node| !mesh.boundaries.iter().any(|part| part.facets.contains(&(node as u32))));
+    let place = mesh.points[inner.unwrap()];
+    let line = format!("{} {} 0", place.x, place.y);
+    assert_eq!(text.matches(&line).count(), 1, "{line}");
+    let error =
+        Mesh::<2>::parse_msh(&text.replace(&line, "1.3 1.2 0"), "folded.msh").unwrap_err().to_string();
+    assert!(error.starts_with("folded.msh: the mesh is folded"), "{error}");
+}
