@@ -128,6 +128,18 @@ fn a_run_without_a_droplet_has_neither_film_nor_droplet() {
     let others = ["temperature.png", "pressure.png", "packing.png", "velocity.png"];
     assert_eq!(pictures(&out), set(&[&snapshots[..], &others].concat()));
     assert!(!out.join("film").exists());
+    // A film is made when it is asked for: of all frames, in one size.
+    voidage(folder.path()).args(["plot", "out", "--film"]).assert().success();
+    let frames = pictures(&out.join("film"));
+    assert_eq!(frames.len(), 5, "{frames:?}");
+    assert!(frames.contains("frame-00001.png") && frames.contains("frame-00005.png"), "{frames:?}");
+    let sizes: BTreeSet<Vec<u8>> =
+        frames.iter().map(|name| fs::read(out.join("film").join(name)).unwrap()[16..24].to_vec()).collect();
+    assert_eq!(sizes.len(), 1);
+    fs::remove_file(out.join("grains.pvd")).unwrap();
+    fs::remove_file(out.join("fluid.pvd")).unwrap();
+    let said = refused(folder.path(), &["plot", "out", "--film"]);
+    assert!(said.contains("no frames") && said.contains("output.frame_interval"), "{said}");
     let said = refused(folder.path(), &["plot", "out", "out"]);
     assert!(said.contains("droplet"), "{said}");
     refused(folder.path(), &["plot"]);

@@ -128,6 +128,49 @@ fn a_restarted_run_equals_the_straight_one_bit_for_bit() {
 }
 
 #[test]
+fn a_shipped_case_runs_by_its_name_from_any_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let voidage = |arguments: &[&str]| voidage().current_dir(&folder).args(arguments).output().unwrap();
+    let run = |scene: &str| voidage(&["run", scene, "--quiet", "--until", "0.002"]);
+    let output = run("settling-grain");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let series = folder.path().join("out/settling-grain/series.csv");
+    assert_eq!(rows(&series).len(), 3);
+    let checkpoint = ["--restart", "out/settling-grain/checkpoint.voidage", "--until", "0.003", "--quiet"];
+    assert!(voidage(&[&["run", "settling-grain"], &checkpoint[..]].concat()).status.success());
+    assert_eq!(rows(&series).len(), 4);
+    let checked = voidage(&["check", "settling-grain"]);
+    assert!(String::from_utf8_lossy(&checked.stdout).starts_with("settling-grain: good"));
+    // A file of that name goes first.
+    fs::write(folder.path().join("settling-grain"), "gravity = 1").unwrap();
+    let output = run("settling-grain");
+    assert_eq!(output.status.code(), Some(2));
+    let output = run("setling-grain");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("no shipped case of this name") && said.contains("settling-grain"), "{said}");
+}
+
+/// The program died of an illegal instruction.
+#[cfg(target_arch = "x86_64")]
+#[test]
+fn a_processor_without_avx2_is_named() {
+    let emulated = |processor: &str| {
+        let mut qemu = std::process::Command::new("qemu-x86_64-static");
+        qemu.args(["-cpu", processor, env!("CARGO_BIN_EXE_voidage"), "--version"]).output()
+    };
+    let old = match emulated("Nehalem") {
+        Ok(output) => output,
+        Err(error) => return eprintln!("no emulator here (Debian's qemu-user-static): {error}"),
+    };
+    let said = String::from_utf8(old.stderr).unwrap();
+    assert_eq!(old.status.code(), Some(1), "{said}");
+    assert!(said.contains("this processor lacks AVX2") && said.contains("help:"), "{said}");
+    let new = emulated("max").unwrap();
+    assert!(new.status.success() && new.stdout.starts_with(b"voidage"), "{new:?}");
+}
+
+#[test]
 fn options_change_the_scene() {
     let folder = folder();
     let options = [

@@ -8,7 +8,7 @@ use voidage_remote::launch::Host;
 
 /// Where fluid solvers are started from: this program, with their output in a log.
 pub fn host(log: PathBuf) -> Host {
-    Host { program: std::env::current_exe().unwrap_or(Host::default().program), log }
+    Host { log, ..Host::default() }
 }
 
 /// Starts the worker threads, one per core unless a number is asked for; how many there are.

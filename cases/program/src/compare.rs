@@ -3,6 +3,7 @@
 //! First the same state: the run of the first solver is shown to the others at chosen steps. Then free runs side by
 //! side, in which differences grow as the flow lets them.
 
+use crate::cases;
 use crate::plot;
 use crate::run;
 use clap::Args;
@@ -10,7 +11,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
 use tracing::{info, warn};
-use voidage_campaign::process::{self, start_threads};
+use voidage_campaign::process::start_threads;
 use voidage_campaign::progress::{News, Progress};
 use voidage_coupling::{Error, Notice, Result, StepReport};
 use voidage_remote::launch::Host;
@@ -31,7 +32,7 @@ const NUDGE: f64 = 1e-14;
 /// Options of `voidage compare`.
 #[derive(Args)]
 pub struct Options {
-    /// Scene file (TOML).
+    /// Scene file (TOML), or the name of a shipped case.
     scene: PathBuf,
     /// Fluid solvers, the first is the reference: rust, serve, fenicsx, scikit-fem, python:MODULE.
     #[arg(long, value_delimiter = ',', default_value = "rust,fenicsx,scikit-fem")]
@@ -119,13 +120,13 @@ fn candidates(options: &Options, folder: &Path) -> Result<Vec<Candidate>> {
         let mut sets = vec![format!("fluid.solver.tolerance={LINEAR_TOLERANCE:e}")];
         sets.extend(options.sets.iter().cloned());
         sets.extend(options.process.sets(Some(name))?);
-        let scene = Scene::read(&options.scene, &sets)?;
+        let scene = cases::read(&options.scene, &sets)?;
         let Some(density) = scene.fluid.as_ref().map(|fluid| fluid.density) else {
             let notice = Notice::new("the scene has no fluid", "there is nothing to compare");
             return Err(Error::input(notice.within(options.scene.display())));
         };
         let log = folder.join(format!("{}.log", name.replace([':', '/'], "-")));
-        candidates.push(Candidate { name: name.clone(), scene, density, host: process::host(log) });
+        candidates.push(Candidate { name: name.clone(), scene, density, host: options.process.host(log) });
     }
     Ok(candidates)
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Stdio;
 use voidage_coupling::Result;
-use voidage_remote::launch::{SYSTEM_PYTHON, interpreter, python};
+use voidage_remote::launch::{fenicsx_interpreter, interpreter, python};
 use voidage_remote::transport::shared::free_bytes;
 use voidage_scene::recorder::write_whole;
 
@@ -34,9 +34,8 @@ pub fn doctor() -> Result<u8> {
         Some(free) => println!("shared memory       {:.0} MiB free", free as f64 / MEBIBYTE),
         None => println!("shared memory       there is no /dev/shm: run with --transport tcp"),
     }
-    let system = Path::new(SYSTEM_PYTHON);
     let dolfinx = "apt-get install --no-install-recommends python3-dolfinx".to_owned();
-    python_solver("fenicsx", system, &[("dolfinx", dolfinx), package()]);
+    python_solver("fenicsx", &fenicsx_interpreter(), &[("dolfinx", dolfinx), package()]);
     let other = interpreter();
     let scikit = format!("{} -m pip install scikit-fem", other.display());
     python_solver("scikit-fem", &other, &[("skfem", scikit), package()]);
@@ -68,7 +67,7 @@ fn python_solver(name: &str, interpreter: &Path, modules: &[(&str, String)]) {
 }
 
 fn has_module(interpreter: &Path, module: &str) -> bool {
-    let mut probe = python(interpreter, &["-c", &format!("import {module}")]);
+    let mut probe = python(interpreter, &format!("import {module}"));
     probe.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     probe.status().is_ok_and(|status| status.success())
 }

@@ -1,5 +1,6 @@
 //! `voidage new`: a scene to begin with.
 
+use crate::cases::CASES;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use std::fs::File;
@@ -9,26 +10,6 @@ use voidage_coupling::{Error, Notice, Result};
 
 /// A commented scene.
 const TEMPLATE: &str = include_str!("../template.toml");
-
-/// The shipped scenes; `-quick` stands for `scene-quick.toml`.
-const CASES: [(&str, &str); 16] = [
-    ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
-    ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),
-    ("bubbling-bed-quick", include_str!("../../bubbling-bed/scene-quick.toml")),
-    ("cavity", include_str!("../../cavity/scene.toml")),
-    ("column-collapse", include_str!("../../column-collapse/scene.toml")),
-    ("drag-laws", include_str!("../../drag-laws/scene.toml")),
-    ("droplet-digging", include_str!("../../droplet-digging/scene.toml")),
-    ("droplet-digging-quick", include_str!("../../droplet-digging/scene-quick.toml")),
-    ("force-chains", include_str!("../../force-chains/scene.toml")),
-    ("hopper", include_str!("../../hopper/scene.toml")),
-    ("mixed-bed", include_str!("../../mixed-bed/scene.toml")),
-    ("packed-bed", include_str!("../../packed-bed/scene.toml")),
-    ("settling-grain", include_str!("../../settling-grain/scene.toml")),
-    ("settling-grain-still", include_str!("../../settling-grain/scene-still.toml")),
-    ("stirred-bed", include_str!("../../stirred-bed/scene.toml")),
-    ("tracer", include_str!("../../tracer/scene.toml")),
-];
 
 /// Options of `voidage new`.
 #[derive(Args)]

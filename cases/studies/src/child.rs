@@ -6,12 +6,13 @@ use nix::sys::resource::UsageWho;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use std::io::{Read, Write};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tracing::warn;
 use voidage_campaign::clock::{Cost, cpu, median};
 use voidage_coupling::{Error, Result};
+use voidage_remote::launch::this_program;
 
 /// A run and its repetitions; times are medians.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -92,8 +93,7 @@ pub fn run(task: &Task, repeats: usize, clock: Clock, interrupted: &AtomicBool) 
 fn once(task: &Task, interrupted: &AtomicBool) -> Result<Option<Answer>> {
     let cannot =
         |error: &dyn std::fmt::Display| Error::run(format!("cannot run a process of this program: {error}"));
-    let program = std::env::current_exe().map_err(|error| cannot(&error))?;
-    let mut command = Command::new(program);
+    let mut command = this_program().map_err(|error| cannot(&error))?;
     command.arg("measure").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     // Ctrl-C is for the study, which then ends the run.
     #[cfg(unix)]

@@ -12,7 +12,7 @@ use voidage_campaign::clock::{Cost, Spent, median, timed};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_dem::{Acceleration, Load, Settings as Contacts};
-use voidage_remote::launch::{SYSTEM_PYTHON, interpreter, python};
+use voidage_remote::launch::{fenicsx_interpreter, interpreter, python, run_module};
 use voidage_scene::Solver;
 use voidage_scene::document::{Document, Fault, fill};
 use voidage_verification::fluid::manufactured::{Cut, Off, Run, UNIT};
@@ -128,7 +128,7 @@ impl Problem for Manufactured {
 
     fn solve(&self) -> Result<Solved> {
         let module = match &self.solver {
-            Solver::Fenicsx => return elsewhere(Path::new(SYSTEM_PYTHON), "voidage.fenicsx", self.squares),
+            Solver::Fenicsx => return elsewhere(&fenicsx_interpreter(), "voidage.fenicsx", self.squares),
             Solver::Python(module) => module.as_str(),
             Solver::ScikitFem => "voidage.scikit_fem",
             _ => return self.here(),
@@ -181,7 +181,8 @@ impl Manufactured {
 /// The same by a solver in Python, in an interpreter of its own.
 fn elsewhere(interpreter: &Path, module: &str, squares: usize) -> Result<Solved> {
     let squares = squares.to_string();
-    let mut command = python(interpreter, &["-m", "voidage.manufactured", module, "--squares", &squares]);
+    let mut command = python(interpreter, &run_module("voidage.manufactured"));
+    command.args([module, "--squares", &squares]);
     let output = command.output().map_err(|error| {
         let help = "`voidage doctor` says what is missing";
         Error::run(Notice::new(format!("cannot start {}: {error}", interpreter.display()), help))

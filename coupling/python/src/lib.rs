@@ -13,6 +13,9 @@ mod solver;
 mod views;
 
 use pyo3::prelude::*;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use voidage_remote::launch::Environment;
 
 /// The compiled part of the package `voidage`.
 #[pymodule]
@@ -29,6 +32,21 @@ mod _voidage {
     use crate::simulation::Simulation;
 
     #[pymodule_export]
+    use crate::{environment, main};
+
+    #[pymodule_export]
     #[allow(non_upper_case_globals, reason = "the name that Python gives the version of a package")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
+}
+
+/// Says which interpreter this is, and in which folder it has this package: processes that are started from here use both.
+#[pyfunction]
+fn environment(python: PathBuf, packages: PathBuf) {
+    Environment { python, packages }.is_here();
+}
+
+/// The program `voidage` with its arguments, the first of which is its name. Returns the exit code.
+#[pyfunction]
+fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| voidage_program::main(arguments))
 }

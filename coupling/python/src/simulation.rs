@@ -18,7 +18,7 @@ use voidage_scene::{Scene, Solver, Time};
 
 /// A scene in motion.
 ///
-/// `scene` is the path of a scene file, `set` changes keys of it, as in {"fluid.solver.newton": 2} or
+/// `scene` is the path of a scene file or the name of a shipped case, `set` changes keys of it, as in {"fluid.solver.newton": 2} or
 /// ["fluid.solver.newton=2"]. `fluid` is the
 /// name of a solver as `voidage run --fluid` has it, or a solver in this process, an object with the methods of
 /// `voidage.Solver`; without it the scene says which. `scheme` is the
@@ -60,7 +60,7 @@ impl Simulation {
             set.push(solver.map_err(|error| PyValueError::new_err(format!("fluid {error}")))?.setting());
         }
         set.extend(scheme.name.iter().map(|name| format!("coupling.scheme={name:?}")));
-        let mut scene = Scene::read(&scene, &set).map_err(|error| exception(&error))?;
+        let mut scene = voidage_program::cases::read(&scene, &set).map_err(|error| exception(&error))?;
         let fluid = fluid.object.map(|object| python_fluid(&mut scene, &object, &raised)).transpose()?;
         let scheme = scheme.object.map(|object| PythonScheme::new(&object, raised.clone())).transpose()?;
         let inner = py

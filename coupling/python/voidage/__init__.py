@@ -6,6 +6,9 @@ into it. A solver is one class with the three methods of :class:`Solver`;
 exchanges with. All quantities are in SI units, in the plane per metre of depth.
 """
 
+import sys
+from pathlib import Path
+
 try:
     from ._voidage import (
         Columns,
@@ -18,8 +21,9 @@ try:
         System,
         __version__,
     )
+    from ._voidage import environment as _environment
 except ImportError as error:
-    help = "help: tests/python-setup builds and installs the package"
+    help = "help: `pip install ./coupling/python` or tests/python-setup builds and installs the package"
     raise ImportError(f"{error}\n  {help}") from error
 from .solver import (
     Balance,
@@ -35,6 +39,9 @@ from .solver import (
     Solver,
     Step,
 )
+
+if sys.executable:
+    _environment(sys.executable, str(Path(__file__).parents[1]))
 
 __all__ = [
     "Balance",

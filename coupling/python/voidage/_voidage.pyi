@@ -20,6 +20,8 @@ __all__ = [
     "Simulation",
     "System",
     "__version__",
+    "environment",
+    "main",
 ]
 __version__: str
 
@@ -231,11 +233,14 @@ class Peer:
     """The connection of a fluid solver to its run. The run asks, the solver answers each request
     once; while it works on one, signs of life go out by themselves."""
 
-    def __new__(cls, address: str, solver: str, *, wait: float = 60.0) -> Peer:
+    def __new__(
+        cls, address: str, solver: str, *, wait: float = 60.0, token: str | None = None
+    ) -> Peer:
         """Connects to the run at ``shm:NAME`` or ``tcp:HOST:PORT``, waiting at most ``wait``
         seconds.
 
-        ``solver`` is the name to present oneself with. Raises RuntimeError if there is no such run,
+        ``solver`` is the name to present oneself with, ``token`` what the run asks for; without one
+        it is that of the environment, VOIDAGE_TOKEN. Raises RuntimeError if there is no such run,
         ValueError if the address is none.
         """
     @property
@@ -295,3 +300,11 @@ class Frame:
     def motion(self) -> tuple[_Floats, _Floats] | None:
         """Copies of the places of the nodes at the end of a step and of their velocities, (n, 2)
         each; None if the mesh stands still."""
+
+def environment(python: PathLike[str] | str, packages: PathLike[str] | str) -> None:
+    """Says which interpreter this is, and in which folder it has this package: processes that are
+    started from here use both."""
+
+def main(arguments: Sequence[str]) -> int:
+    """The program ``voidage`` with its arguments, the first of which is its name. Returns the exit
+    code."""

@@ -64,7 +64,6 @@ pub fn pressure(
         points: time.iter().copied().zip(drop.iter().copied()).filter(|(_, p)| p.is_finite()).collect(),
         style: Style::Solid(&SKY_LINE, 2),
     }];
-    let mut shown = Vec::new();
     if !inside.is_empty() {
         let mean = inside.iter().sum::<f64>() / inside.len() as f64;
         let name = format!("mean from {:.3} s to {:.3} s: {mean:.1} Pa", window.0, window.1);
@@ -73,7 +72,6 @@ pub fn pressure(
             points: vec![(window.0, mean), (window.1, mean)],
             style: Style::Solid(&BLUE_LINE, 3),
         });
-        shown.push(mean);
     }
     if let Some(weight) = weight {
         let name = format!("weight of the bed per area: {weight:.1} Pa");
@@ -82,14 +80,9 @@ pub fn pressure(
             points: vec![(0.0, weight), (end, weight)],
             style: Style::Dashed(&GREEN_LINE),
         });
-        shown.push(weight);
     }
-    let limits = quantiles(drop).map(|(low, high)| {
-        let low = shown.iter().copied().fold(low, f64::min);
-        let high = shown.iter().copied().fold(high, f64::max);
-        (low.min(0.0), high)
-    });
-    chart(path, "pressure drop (Pa)", &curves, limits)
+    // From zero: the drop is judged by its size.
+    chart(path, "pressure drop (Pa)", &curves, Some(0.0))
 }
 
 /// Differences of runs against time, decades up: one curve per name.
@@ -108,23 +101,14 @@ pub fn differences(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> Resul
     chart(path, "log10 of the relative difference", &curves, None)
 }
 
-/// Bounds that leave out the few highest and lowest values, so that a jump at the start does not flatten the rest.
-fn quantiles(values: &[f64]) -> Option<(f64, f64)> {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().checked_sub(1)?;
-    let at = |share: f64| sorted[(share * last as f64).round() as usize];
-    Some((at(0.005), at(0.995)))
-}
-
-fn chart(path: &Path, label_y: &str, curves: &[Curve], limits: Option<(f64, f64)>) -> Result<()> {
+/// A chart whose axes show all points, and this value too.
+fn chart(path: &Path, label_y: &str, curves: &[Curve], with: Option<f64>) -> Result<()> {
     let points = || curves.iter().flat_map(|curve| &curve.points);
     let end = points().map(|point| point.0).fold(0.0, f64::max);
     let end = if end > 0.0 { end } else { 1.0 };
-    let (low, high) = limits.unwrap_or_else(|| {
-        let low = points().map(|point| point.1).fold(f64::INFINITY, f64::min);
-        (low, points().map(|point| point.1).fold(f64::NEG_INFINITY, f64::max))
-    });
+    let heights = || points().map(|point| point.1).chain(with);
+    let low = heights().fold(f64::INFINITY, f64::min);
+    let high = heights().fold(f64::NEG_INFINITY, f64::max);
     // Room above for the legend.
     let span = (high - low).max(1e-6 * high.abs()).max(1e-12);
     let (low, high) = (low - 0.05 * span, high + 0.12 * span * curves.len() as f64);

@@ -1,6 +1,8 @@
 //! Pictures of a run, drawn from the files in its folder.
 
+mod boundary;
 mod droplet;
+mod film;
 mod fit;
 mod hole;
 mod lines;
@@ -10,7 +12,7 @@ mod snapshot;
 mod table;
 
 use droplet::Droplet;
-use snapshot::{Moment, Picture};
+use snapshot::{Moment, Picture, View};
 use std::path::{Path, PathBuf};
 use table::Table;
 use tracing::info;
@@ -24,10 +26,13 @@ pub const FOLDER: &str = "give the folder of a run (its option --out)";
 
 /// Draws the pictures of one run into its folder; or those that compare runs, where there are several or another folder is given, into that or the
 /// current one.
-pub fn plot(folders: &[PathBuf], out: Option<&Path>) -> Result<Vec<PathBuf>> {
+pub fn plot(folders: &[PathBuf], out: Option<&Path>, film: bool) -> Result<Vec<PathBuf>> {
     match (folders, out) {
         ([folder], None) => {
-            let drawn = draw(folder)?;
+            let mut drawn = draw(folder)?;
+            if film {
+                drawn.extend(film_of(folder)?);
+            }
             if drawn.is_empty() {
                 let what = format!("{}: holds neither series.csv nor frames", folder.display());
                 return Err(Error::input(Notice::new(what, FOLDER)));
@@ -59,6 +64,23 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
         drawn.extend(maps::draw(folder, &Table::read(&averages)?)?);
     }
     Ok(drawn)
+}
+
+/// Draws every moment of a run as a picture of a film.
+fn film_of(folder: &Path) -> Result<Vec<PathBuf>> {
+    let scene = read_scene(folder)?;
+    if scene.droplet.is_some() {
+        // It is among the pictures of a droplet.
+        return Ok(Vec::new());
+    }
+    let moments = snapshot::moments(folder)?;
+    match View::over(&moments, &scene, None)? {
+        Some(view) => film::film(folder, &scene, &moments, (&view, None)),
+        None => {
+            let what = format!("{}: holds no frames, of which a film is made", folder.display());
+            Err(Error::input(Notice::new(what, "give the scene `output.frame_interval`, s")))
+        }
+    }
 }
 
 /// The scene of the run that left a folder.

@@ -33,6 +33,15 @@ impl Scale {
     }
 }
 
+/// A line of the legend below a picture.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Text.
+    pub label: String,
+    /// Colour of the stroke before it.
+    pub colour: RGBColor,
+}
+
 /// A picture of a part of the plane in one pane, or in several beside and below each other.
 pub struct Plane {
     canvas: Canvas,
@@ -54,7 +63,14 @@ struct Layout {
     right: u32,
     top: u32,
     bottom: u32,
+    /// Height of the legend below.
+    legend: u32,
 }
+
+/// Height of a row of the legend, length of its strokes and about the width of a letter, in pixels of the saved picture.
+const ROW_HEIGHT: u32 = 28;
+const STROKE: u32 = 34;
+const LETTER: f64 = 10.5;
 
 /// Width of a colour bar with its labels, in pixels of the saved picture.
 const BAR: u32 = 136;
@@ -62,18 +78,37 @@ const BAR: u32 = 136;
 impl Plane {
     /// An empty picture of a part of the plane, m, with axes, a title and colour bars.
     pub fn new(path: &Path, bounds: [f64; 4], title: &str, scales: &[Scale]) -> Result<Plane> {
-        Plane::panes(path, bounds, &[title.to_owned()], scales)
+        Plane::panes(path, bounds, &[title.to_owned()], scales, &[])
     }
 
-    /// The same with a pane for each title, in rows of four. The first is the one that is drawn into.
-    pub fn panes(path: &Path, bounds: [f64; 4], titles: &[String], scales: &[Scale]) -> Result<Plane> {
+    /// The same with a pane for each title, in rows of four, and a legend. The first pane is the one that is drawn into.
+    pub fn panes(
+        path: &Path,
+        bounds: [f64; 4],
+        titles: &[String],
+        scales: &[Scale],
+        legend: &[Entry],
+    ) -> Result<Plane> {
         let [width, height] = [bounds[2] - bounds[0], bounds[3] - bounds[1]];
         let (unit, name) = if width.max(height) < 0.9 { (1e3, "mm") } else { (1.0, "m") };
         let bounds = bounds.map(|bound| bound * unit);
-        let layout = Layout::new([width, height], titles);
-        let [main, high] = layout.outer();
-        let mut canvas = Canvas::new(main + BAR * scales.len() as u32, high);
+        let mut layout = Layout::new([width, height], titles);
+        let [main, _] = layout.outer();
+        let wide = main + BAR * scales.len() as u32;
+        let places = places(legend, wide - layout.left.min(wide));
+        layout.legend = places.last().map_or(0, |[_, row]| (row + 1) * ROW_HEIGHT + ROW_HEIGHT / 2);
+        let high = layout.outer()[1];
+        let mut canvas = Canvas::new(wide, high);
         let (panes, bars) = canvas.draw(path, |area| {
+            let below = high - layout.legend;
+            for (entry, [x, row]) in legend.iter().zip(&places) {
+                let [x, y] = [layout.left + x, below + row * ROW_HEIGHT + ROW_HEIGHT / 2];
+                let at = |x: u32, y: u32| (pixels(x) as i32, pixels(y) as i32);
+                let stroke = entry.colour.stroke_width(pixels(4));
+                area.draw(&PathElement::new([at(x, y), at(x + STROKE - 10, y)], stroke))?;
+                area.draw(&Text::new(entry.label.clone(), at(x + STROKE, y - 11), text(20)))?;
+            }
+            let (area, _) = area.split_vertically(pixels(below));
             let (main, side) = area.split_horizontally(pixels(main));
             let mut panes = Vec::new();
             for (k, title) in titles.iter().enumerate() {
@@ -139,8 +174,13 @@ impl Plane {
         self.canvas.rectangle(self.frame, lower, upper, colour);
     }
 
+    /// The bounds of the plane that are shown, m: left, bottom, right, top.
+    pub fn bounds(&self) -> [f64; 4] {
+        self.frame.plane.map(|bound| bound / self.unit)
+    }
+
     /// Draws arrows from point to point, m.
-    pub fn arrows(&mut self, arrows: Vec<([f64; 2], [f64; 2])>) -> Result<()> {
+    pub fn arrows(&mut self, arrows: Vec<([f64; 2], [f64; 2])>, colour: RGBColor) -> Result<()> {
         let mut lines = Vec::new();
         for (from, to) in arrows {
             let along = [to[0] - from[0], to[1] - from[1]];
@@ -152,7 +192,7 @@ impl Plane {
             };
             lines.extend([[from, to], [head(1.0), to], [head(-1.0), to]]);
         }
-        self.strokes(lines, RGBColor(255, 255, 255), 2)
+        self.strokes(lines, colour, 2)
     }
 
     /// Draws straight lines, m: walls.
@@ -160,7 +200,8 @@ impl Plane {
         self.strokes(lines, BLACK, 3)
     }
 
-    fn strokes(&mut self, lines: Vec<[[f64; 2]; 2]>, colour: RGBColor, width: u32) -> Result<()> {
+    /// Draws straight lines, m, in a colour and of a width in pixels of the saved picture.
+    pub fn strokes(&mut self, lines: Vec<[[f64; 2]; 2]>, colour: RGBColor, width: u32) -> Result<()> {
         let (frame, unit) = (self.frame, self.unit);
         let bounds = frame.plane.map(|bound| bound / unit);
         let lines: Vec<_> = lines.into_iter().filter_map(|line| clip(line, bounds)).collect();
@@ -197,13 +238,14 @@ impl Layout {
             right: 24,
             top: if titles.iter().all(String::is_empty) { 24 } else { 56 },
             bottom: 76,
+            legend: 0,
         }
     }
 
     /// Size of all panes together.
     fn outer(&self) -> [u32; 2] {
         let [width, height] = [self.inner[0] + self.right, self.top + self.inner[1]];
-        [self.left + self.columns as u32 * width, self.rows as u32 * height + self.bottom]
+        [self.left + self.columns as u32 * width, self.rows as u32 * height + self.bottom + self.legend]
     }
 
     /// Draws the axes of a pane: labels stand at those on the left and at the lowest of each column.
@@ -255,6 +297,21 @@ impl Layout {
         }
         Ok(frame)
     }
+}
+
+/// Where the lines of a legend stand: distance from the left and row, beside each other as far as there is room.
+fn places(legend: &[Entry], room: u32) -> Vec<[u32; 2]> {
+    let (mut x, mut row) = (0, 0);
+    let mut places = Vec::new();
+    for entry in legend {
+        let width = STROKE + (LETTER * entry.label.chars().count() as f64) as u32 + 16;
+        if x > 0 && x + width > room {
+            (x, row) = (0, row + 1);
+        }
+        places.push([x, row]);
+        x += width;
+    }
+    places
 }
 
 /// The part of a line inside of bounds (left, bottom, right, top), if there is one (Liang and Barsky).

@@ -1,11 +1,14 @@
 //! Pictures of recorded moments: grains over a scalar of the fluid, over the voidage, or the speed of the fluid.
 
+use super::boundary::{self, Part};
 use super::hole::{self, Track};
-use super::plane::{Plane, Scale};
+use super::plane::{Entry, Plane, Scale};
 use colorous::Gradient;
 use plotters::style::RGBColor;
+use plotters::style::colors::BLACK;
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use voidage_coupling::Result;
 use voidage_scene::Scene;
@@ -18,6 +21,10 @@ const EXTREME: f64 = 0.01;
 /// Colours of a droplet and of its outline.
 const LIQUID: [u8; 3] = [195, 226, 255];
 const RIM: RGBColor = RGBColor(0, 90, 180);
+/// Colour of the arrows of the fluid.
+const STREAM: RGBColor = RGBColor(30, 100, 190);
+/// Arrows across the longer side of a picture.
+const ARROWS: f64 = 24.0;
 /// Colour of the outline of held grains.
 const HELD: RGBColor = RGBColor(120, 120, 120);
 
@@ -110,10 +117,13 @@ impl Picture {
         points.extend(self.fluid.iter().flat_map(|fluid| &fluid.points));
         let mut margin = 0.0;
         if self.fluid.is_none() {
-            points.extend(self.grains.iter().flat_map(|grains| &grains.points));
-            let still = scene.walls.iter().filter(|wall| wall.motion.is_none());
-            let ends = still.flat_map(|wall| [&wall.from, &wall.to]);
-            points.extend(ends.map(|end| <[f64; 3]>::from(end.vector::<3>())));
+            if let Some(grains) = &self.grains {
+                let radius = grains.column("radius_m").unwrap_or(&[]);
+                let ends = grains.points.iter().zip(radius);
+                points.extend(ends.flat_map(|([x, y, z], r)| [[x - r, y - r, *z], [x + r, y + r, *z]]));
+            }
+            let ends = scene.walls.iter().flat_map(|wall| wall_at(scene, wall).at(self.time));
+            points.extend(ends.map(|end| [end.x, end.y, 0.0]));
             margin = 0.03;
         }
         let least = |axis: usize| points.iter().map(|point| point[axis]).fold(f64::INFINITY, f64::min);
@@ -177,24 +187,31 @@ pub struct View {
     bounds: [f64; 4],
     grains: Option<(Quantity, [f64; 2])>,
     field: Option<(Quantity, [f64; 2])>,
+    /// Largest velocity of the fluid, m/s; 0 without a fluid, or at rest.
+    stream: f64,
+    /// The parts of the boundary of the fluid.
+    parts: Vec<Part>,
 }
 
 impl View {
     /// That of one picture, whose colours are not stretched by this share of its values at either end.
-    fn of(picture: &Picture, scene: &Scene, extreme: f64) -> View {
+    fn of(picture: &Picture, scene: &Scene, extreme: f64) -> Result<View> {
         let within = |(quantity, values): (Quantity, Cow<[f64]>)| (quantity, inner(&values, extreme));
-        View {
+        let speeds = picture.fluid.as_ref().map(speeds).unwrap_or_default();
+        Ok(View {
             bounds: picture.bounds(scene),
             grains: picture.grain_values(scene).map(within),
             field: picture.field_values(scene).map(within),
-        }
+            stream: speeds.into_iter().filter(|speed| speed.is_finite()).fold(0.0, f64::max),
+            parts: boundary::parts(scene)?,
+        })
     }
 
     /// One that serves all moments of a run; none without moments.
     pub fn over(moments: &[Moment], scene: &Scene, track: Option<&Track>) -> Result<Option<View>> {
         let views = moments.par_iter().map(|moment| {
             let picture = Picture::read(moment, track)?;
-            Ok(Some(View::of(&picture, scene, 0.0)))
+            View::of(&picture, scene, 0.0).map(Some)
         });
         let join = |a: Option<View>, b: Option<View>| match (a, b) {
             (Some(a), Some(b)) => Some(a.join(&b)),
@@ -215,7 +232,13 @@ impl View {
             (Some((quantity, [a, b])), Some((_, [c, d]))) => Some((quantity.clone(), [a.min(*c), b.max(*d)])),
             (one, other) => one.clone().or_else(|| other.clone()),
         };
-        View { bounds, grains: join(&self.grains, &other.grains), field: join(&self.field, &other.field) }
+        View {
+            bounds,
+            grains: join(&self.grains, &other.grains),
+            field: join(&self.field, &other.field),
+            stream: self.stream.max(other.stream),
+            parts: self.parts.clone(),
+        }
     }
 
     /// Colour bars: of the grains, and of the fluid.
@@ -227,13 +250,23 @@ impl View {
     pub fn plane(&self, path: &Path, titles: &[String]) -> Result<Option<Plane>> {
         let scales: Vec<Scale> = self.scales().into_iter().flatten().collect();
         let shown = self.bounds.iter().all(|bound| bound.is_finite());
-        shown.then(|| Plane::panes(path, self.bounds, titles, &scales)).transpose()
+        shown.then(|| Plane::panes(path, self.bounds, titles, &scales, &self.legend())).transpose()
+    }
+
+    /// What lines and arrows mean.
+    fn legend(&self) -> Vec<Entry> {
+        let parts = self.parts.iter().map(|part| Entry { label: part.label.clone(), colour: part.colour });
+        let stream = (self.stream > 0.0).then(|| Entry {
+            label: format!("velocity of the fluid, up to {} m/s", short(self.stream)),
+            colour: STREAM,
+        });
+        parts.chain(stream).collect()
     }
 }
 
 /// Draws a moment of a run into a file, in a view or in its own.
 pub fn draw(path: &Path, scene: &Scene, picture: &Picture, view: Option<&View>) -> Result<()> {
-    let own = if view.is_none() { Some(View::of(picture, scene, EXTREME)) } else { None };
+    let own = view.is_none().then(|| View::of(picture, scene, EXTREME)).transpose()?;
     let Some(view) = view.or(own.as_ref()) else { return Ok(()) };
     if let Some(mut plane) = view.plane(path, &[picture.title()])? {
         paint(&mut plane, scene, picture, view)?;
@@ -291,6 +324,7 @@ pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -
         (&picture.fluid, picture.field_values(scene), field_scale)
     {
         plane.field(&fluid.points, &fluid.cells, &values, &scale);
+        plane.arrows(stream(fluid, plane.bounds(), view.stream), STREAM)?;
     }
     // Grains in the droplet are seen through it.
     if let Some(droplet) = &picture.droplet {
@@ -309,15 +343,72 @@ pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -
             }
         }
     }
+    if let Some(fluid) = &picture.fluid {
+        let sides = boundary::sides(&view.parts, fluid, picture.droplet.as_deref());
+        for (k, part) in view.parts.iter().enumerate() {
+            let own = sides.iter().filter(|(number, _)| *number == k).map(|(_, line)| *line);
+            plane.strokes(own.collect(), part.colour, 6)?;
+        }
+    }
     if let Some(droplet) = &picture.droplet {
         plane.outline(droplet, RIM)?;
     }
-    if picture.fluid.is_none() {
-        let walls =
-            scene.walls.iter().map(|wall| wall_at(scene, wall).at(picture.time).map(<[f64; 2]>::from));
-        plane.lines(walls.collect())?;
+    let walls = scene.walls.iter().map(|wall| wall_at(scene, wall).at(picture.time).map(<[f64; 2]>::from));
+    // On a boundary of the fluid its colour is seen on both sides of a wall.
+    plane.strokes(walls.collect(), BLACK, if picture.fluid.is_some() { 2 } else { 3 })
+}
+
+/// Arrows of the velocity of the fluid on a square grid, as long as the grid is wide where it is fastest. Lengths go with the root of
+/// the speed, so that slow parts show their direction too.
+fn stream(fluid: &Frame, [left, bottom, right, top]: [f64; 4], fastest: f64) -> Vec<([f64; 2], [f64; 2])> {
+    let velocity = fluid.column("velocity_m_per_s").unwrap_or(&[]).as_chunks::<3>().0;
+    let spacing = (right - left).max(top - bottom) / ARROWS;
+    let mut arrows = BTreeMap::new();
+    if velocity.len() < fluid.points.len() || fastest <= 0.0 {
+        return Vec::new();
     }
-    Ok(())
+    for cell in fluid.cells.as_chunks::<3>().0 {
+        let corners = cell.map(|node| fluid.points[node as usize]);
+        let bounds = |axis: usize, low: f64, high: f64| {
+            let ends = corners.map(|corner| corner[axis]);
+            let (least, most) =
+                (ends.iter().copied().fold(high, f64::min), ends.iter().copied().fold(low, f64::max));
+            let number = |place: f64| ((place - low) / spacing - 0.5).clamp(-1.0, ARROWS + 1.0);
+            (number(least.max(low)).ceil() as i64, number(most.min(high)).floor() as i64)
+        };
+        let (columns, rows) = (bounds(0, left, right), bounds(1, bottom, top));
+        for (i, j) in (columns.0..=columns.1).flat_map(|i| (rows.0..=rows.1).map(move |j| (i, j))) {
+            let at = [left + (i as f64 + 0.5) * spacing, bottom + (j as f64 + 0.5) * spacing];
+            let Some(shares) = shares(corners, at) else { continue };
+            let mean =
+                |axis: usize| (0..3).map(|k| shares[k] * velocity[cell[k] as usize][axis]).sum::<f64>();
+            let (u, v) = (mean(0), mean(1));
+            let speed = u.hypot(v);
+            if speed > 1e-4 * fastest {
+                let half = 0.5 * spacing * (speed / fastest).sqrt() / speed;
+                let ends = ([at[0] - half * u, at[1] - half * v], [at[0] + half * u, at[1] + half * v]);
+                arrows.insert((i, j), ends);
+            }
+        }
+    }
+    arrows.into_values().collect()
+}
+
+/// The shares of the corners of a triangle in a point of it; none outside.
+fn shares(corners: [[f64; 3]; 3], [x, y]: [f64; 2]) -> Option<[f64; 3]> {
+    let [a, b, c] = corners;
+    let area =
+        |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+    let [a, b, c] = [[a[0], a[1]], [b[0], b[1]], [c[0], c[1]]];
+    let whole = area(a, b, c);
+    let shares = [area([x, y], b, c) / whole, area(a, [x, y], c) / whole, area(a, b, [x, y]) / whole];
+    shares.iter().all(|share| *share >= 0.0).then_some(shares)
+}
+
+/// A number with three digits.
+fn short(value: f64) -> String {
+    let digits = (2 - value.abs().log10().floor() as i32).clamp(0, 6) as usize;
+    if (1e-3..1e5).contains(&value) { format!("{value:.digits$}") } else { format!("{value:.2e}") }
 }
 
 /// Cuts off the quarters of each axis beyond which nothing is, so that pictures of a run share few sizes.

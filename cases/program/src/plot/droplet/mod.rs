@@ -3,10 +3,11 @@
 
 pub mod compare;
 mod curves;
-mod film;
 mod profiles;
+mod sheet;
 
 use self::curves::Run;
+use super::film::film;
 use super::hole::Track;
 use super::snapshot::{Moment, View};
 use super::table::Table;
@@ -49,9 +50,9 @@ impl Droplet {
         if let Some(view) = &self.view {
             let look = (view, self.track.as_ref());
             let sheet = folder.join("digging.png");
-            if film::sheet(&sheet, scene, moments, look)? {
+            if sheet::sheet(&sheet, scene, moments, look)? {
                 drawn.push(sheet);
-                drawn.extend(film::film(folder, scene, moments, look)?);
+                drawn.extend(film(folder, scene, moments, look)?);
             }
         }
         Ok(drawn)

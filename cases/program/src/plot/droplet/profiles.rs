@@ -3,7 +3,7 @@
 use super::super::hole::Track;
 use super::super::snapshot::Moment;
 use super::curves::{Points, Run};
-use super::film::evenly;
+use super::sheet::evenly;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use voidage_campaign::plot::panels::{self, Curve, Panel};

@@ -1,7 +1,7 @@
-//! All moments of a run with a droplet, with the same axes and colours: a film, and a sheet of a few of them.
+//! All moments of a run with the same axes and colours: a film.
 
-use super::super::hole::Track;
-use super::super::snapshot::{Moment, Picture, View, draw, paint};
+use super::hole::Track;
+use super::snapshot::{Moment, Picture, View, draw};
 use rayon::prelude::*;
 use std::fs;
 use std::io::ErrorKind;
@@ -12,8 +12,6 @@ use voidage_coupling::{Error, Result};
 use voidage_scene::Scene;
 use voidage_scene::recorder::create_folder;
 
-/// Pictures on the sheet.
-const SHEET: usize = 8;
 /// Frames of the film in a second, and seconds that it lasts if that lies between these.
 const RATE: [usize; 2] = [5, 25];
 const LASTS: usize = 10;
@@ -74,37 +72,4 @@ fn join(folder: &Path, count: usize) -> Result<Option<PathBuf>> {
             Ok(None)
         }
     }
-}
-
-/// Draws eight moments, evenly over the run, on one sheet.
-pub fn sheet(
-    path: &Path,
-    scene: &Scene,
-    moments: &[Moment],
-    (view, track): (&View, Option<&Track>),
-) -> Result<bool> {
-    let shown = evenly(moments, SHEET).map(|moment| Picture::read(moment, track));
-    let shown: Vec<Picture> = shown.collect::<Result<_>>()?;
-    let titles: Vec<String> = shown.iter().map(Picture::title).collect();
-    let Some(mut plane) = view.plane(path, &titles)? else { return Ok(false) };
-    for (k, picture) in shown.iter().enumerate() {
-        plane.turn_to(k);
-        paint(&mut plane, scene, picture, view)?;
-    }
-    plane.save()?;
-    Ok(true)
-}
-
-/// So many moments with equal times between them, as nearly as there are; the first and the last among them.
-pub fn evenly(moments: &[Moment], most: usize) -> impl Iterator<Item = &Moment> {
-    let ends = moments.first().zip(moments.last()).map_or((0.0, 0.0), |(a, b)| (a.time, b.time));
-    let steps = most.min(moments.len()).saturating_sub(1).max(1);
-    let wanted = (0..=steps).map(move |k| ends.0 + (ends.1 - ends.0) * k as f64 / steps as f64);
-    let nearest = wanted.filter_map(|time| {
-        let distance = |k: &usize| (moments[*k].time - time).abs();
-        (0..moments.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
-    });
-    let mut chosen: Vec<usize> = nearest.collect();
-    chosen.dedup();
-    chosen.into_iter().map(|k| &moments[k])
 }

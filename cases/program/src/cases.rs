@@ -1,0 +1,44 @@
+//! The shipped cases, which are part of the program: they run by name from any folder.
+
+use std::path::{Path, PathBuf};
+use voidage_coupling::{Error, Notice, Result};
+use voidage_scene::Scene;
+
+/// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads another file, so that
+/// it runs in any folder.
+pub const CASES: [(&str, &str); 16] = [
+    ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
+    ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),
+    ("bubbling-bed-quick", include_str!("../../bubbling-bed/scene-quick.toml")),
+    ("cavity", include_str!("../../cavity/scene.toml")),
+    ("column-collapse", include_str!("../../column-collapse/scene.toml")),
+    ("drag-laws", include_str!("../../drag-laws/scene.toml")),
+    ("droplet-digging", include_str!("../../droplet-digging/scene.toml")),
+    ("droplet-digging-quick", include_str!("../../droplet-digging/scene-quick.toml")),
+    ("force-chains", include_str!("../../force-chains/scene.toml")),
+    ("hopper", include_str!("../../hopper/scene.toml")),
+    ("mixed-bed", include_str!("../../mixed-bed/scene.toml")),
+    ("packed-bed", include_str!("../../packed-bed/scene.toml")),
+    ("settling-grain", include_str!("../../settling-grain/scene.toml")),
+    ("settling-grain-still", include_str!("../../settling-grain/scene-still.toml")),
+    ("stirred-bed", include_str!("../../stirred-bed/scene.toml")),
+    ("tracer", include_str!("../../tracer/scene.toml")),
+];
+
+/// A scene from its file or, where there is no such file, the shipped case of that name, with changes `key=value`.
+///
+/// # Errors
+/// There is neither such a file nor such a case, or the scene is wrong.
+pub fn read(scene: &Path, sets: &[String]) -> Result<Scene> {
+    let named = CASES.iter().find(|(name, _)| scene.as_os_str() == *name).filter(|_| !scene.is_file());
+    if let Some((name, text)) = named {
+        return Ok(Scene::parse(&PathBuf::from(format!("{name}.toml")), text, sets)?);
+    }
+    if scene.exists() {
+        return Scene::read(scene, sets);
+    }
+    Err(Error::input(Notice::new(
+        format!("{}: there is no such file, and no shipped case of this name", scene.display()),
+        format!("give the path of a scene file, or one of {}", CASES.map(|(name, _)| name).join(", ")),
+    )))
+}
