@@ -241,14 +241,11 @@ impl<const D: usize> Dem<D> {
     fn runaway(&self, dt: f64, load: &Load<'_, D>) -> Option<(u32, f64)> {
         let (scene, p) = (self.scene(dt, load), &self.particles);
         (0..p.len()).find_map(|i| {
-            let speed = p.velocity[i].norm_squared().max(scene.free_velocity(i).norm_squared()).sqrt();
-            let spins = p.rotation.as_ref().is_none_or(|rotation| rotation.spin[i].is_finite());
-            let sane =
-                speed * dt <= RUNAWAY * p.radius[i] && spins && p.position[i].iter().all(|x| x.is_finite());
-            // The larger of two numbers hides one that is none.
-            let sane = sane
-                && !scene.free_velocity(i).norm_squared().is_nan()
-                && !p.velocity[i].norm_squared().is_nan();
+            let squares = [p.velocity[i], scene.free_velocity(i)].map(|velocity| velocity.norm_squared());
+            let speed = squares[0].max(squares[1]).sqrt();
+            let spin = p.rotation.as_ref().map_or(0.0, |rotation| rotation.spin[i]);
+            let finite = squares.iter().chain([&spin]).chain(p.position[i].iter()).all(|x| x.is_finite());
+            let sane = finite && speed * dt <= RUNAWAY * p.radius[i];
             (!sane).then_some((i as u32, speed))
         })
     }

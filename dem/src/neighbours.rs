@@ -474,6 +474,19 @@ mod tests {
     }
 
     #[test]
+    fn an_endless_reach_was_an_index_out_of_bounds() {
+        for reach in [f64::INFINITY, f64::NAN, 1e300] {
+            let mut grid = Grid::<2>::default();
+            grid.build(&[Vector::<2>::zeros(), Vector::<2>::repeat(1.0)], &[0.1, 0.2], reach);
+            let mut met = 0;
+            for tile in 0..grid.tiles.len() {
+                grid.each_in_tile(tile, |_, _, others| met += others.map_or(0, |others| others.len()));
+            }
+            assert_eq!(met, 1, "{reach}");
+        }
+    }
+
+    #[test]
     fn one_large_grain_does_not_widen_the_tiles_of_the_others() {
         let grid = pairs_match_brute_force::<2>([0.1, 0.5], 400, 5.0);
         assert!(grid.levels > 1 && grid.base == 0, "levels {}, base {}", grid.levels, grid.base);

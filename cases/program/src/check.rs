@@ -59,7 +59,7 @@ fn build(scene: &Scene) -> Result<Simulation> {
     let ending = Ending::watched(catch_interrupts()?);
     let mut placing = placing::watched(None, ending.flag(), false);
     let mut simulation = Simulation::placed(&here, &Host::default(), &mut placing)?;
-    simulation.refresh()?;
+    simulation.refresh().map_err(run::at_start)?;
     placing::tell(&placing.beds);
     run::check_stop(scene, &simulation)?;
     check_averages(scene, &simulation.view())?;

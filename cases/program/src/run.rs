@@ -207,6 +207,11 @@ fn until(scene: &Scene, options: &Options, start: f64) -> Result<Option<u64>> {
     Err(Error::input(Notice::new(what, format!("give a time up to {} s", scene.time.end))))
 }
 
+/// An error of grains where the scene has put them: the input is wrong.
+pub fn at_start(error: Error) -> Error {
+    Error::input(error.notice())
+}
+
 /// The column that ends a run is one that it records.
 pub fn check_stop(scene: &Scene, simulation: &Simulation) -> Result<()> {
     let Some(value) = scene.stop.as_ref().and_then(|stop| stop.value.as_ref()) else { return Ok(()) };
@@ -238,7 +243,7 @@ impl Run {
                 let mut placing = placing::watched(Some(&folder), ending.flag(), options.quiet);
                 let mut simulation = Simulation::placed(scene, &host, &mut placing)?;
                 beds.append(&mut placing.beds);
-                simulation.refresh()?;
+                simulation.refresh().map_err(at_start)?;
                 let (view, readings) = (simulation.view(), simulation.readings());
                 check_stop(scene, &simulation)?;
                 let recording = Recording::start(output, scene, &view, &readings, None)?;

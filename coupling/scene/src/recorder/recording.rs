@@ -234,8 +234,9 @@ impl Recording {
     pub fn checkpoint(&self, stamp: &Stamp, state: &impl Serialize) -> Result<PathBuf> {
         self.series.check()?;
         let path = self.folder().join(CHECKPOINT);
-        Checkpoint::write(&path, stamp, state, &self.kept())?;
+        // Before the checkpoint: a run that is killed between the two goes on from the one before, and writes them again.
         self.write_averages()?;
+        Checkpoint::write(&path, stamp, state, &self.kept())?;
         Ok(path)
     }
 
