@@ -10,6 +10,9 @@ pub struct Neighbours<const D: usize> {
     pub across: Vec<u32>,
 }
 
+/// Largest coordinate of a node, m: the boxes of a search span the mesh.
+const FAR: f64 = 1e9;
+
 impl<const D: usize> Neighbours<D> {
     /// Beyond this facet there is no cell.
     pub const NONE: u32 = u32::MAX;
@@ -144,6 +147,12 @@ impl<const D: usize> Mesh<D> {
         }
         if let Some(node) = self.points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
             return Err(Error::Mesh(format!("node {node} is not finite")));
+        }
+        if let Some(node) = self.points.iter().position(|p| p.amax() > FAR) {
+            let place = self.points[node].as_slice();
+            return Err(Error::Mesh(format!(
+                "node {node} lies at {place:?}: coordinates are in m, {FAR:e} at most"
+            )));
         }
         let count = self.points.len();
         if let Some(i) = self.cells.iter().position(|&node| node as usize >= count) {

@@ -107,3 +107,13 @@ fn a_mesh_whose_node_was_moved_over_its_neighbours_was_taken() {
         Mesh::<2>::parse_msh(&text.replace(&line, "1.3 1.2 0"), "folded.msh").unwrap_err().to_string();
     assert!(error.starts_with("folded.msh: the mesh is folded"), "{error}");
 }
+
+#[test]
+fn a_mesh_that_reached_out_of_all_bounds_ended_in_a_panic() {
+    let text = sample().to_msh().unwrap();
+    let corner = "\n0 1 0\n";
+    assert_eq!(text.matches(corner).count(), 1);
+    let error =
+        Mesh::<2>::parse_msh(&text.replace(corner, "\n-1e300 1 0\n"), "far.msh").unwrap_err().to_string();
+    assert!(error.contains("lies at [-1e300, 1.0]"), "{error}");
+}
