@@ -276,12 +276,16 @@ pub fn chains(path: &Path, scene: &Scene, moment: &Moment) -> Result<bool> {
         plane.polygon(&corners, scale.colour(force));
     }
     if picture.fluid.is_none() {
-        let walls =
-            scene.walls.iter().map(|wall| wall_at(scene, wall).at(picture.time).map(<[f64; 2]>::from));
-        plane.lines(walls.collect())?;
+        plane.lines(standing(scene, picture.time))?;
     }
     plane.save()?;
     Ok(true)
+}
+
+/// The walls that are there at a time.
+fn standing(scene: &Scene, time: f64) -> Vec<[[f64; 2]; 2]> {
+    let walls = scene.walls.iter().map(|wall| wall_at(scene, wall)).filter(|wall| wall.stands(time));
+    walls.map(|wall| wall.at(time).map(<[f64; 2]>::from)).collect()
 }
 
 /// Draws a moment into the pane of a plane.
@@ -313,9 +317,7 @@ pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -
         plane.outline(droplet, RIM)?;
     }
     if picture.fluid.is_none() {
-        let walls =
-            scene.walls.iter().map(|wall| wall_at(scene, wall).at(picture.time).map(<[f64; 2]>::from));
-        plane.lines(walls.collect())?;
+        plane.lines(standing(scene, picture.time))?;
     }
     Ok(())
 }
