@@ -94,6 +94,7 @@ fn grains(scene: &Scene) {
                 Rate::Grains(rate) => format!("{rate} a second"),
                 Rate::Mass(rate) => format!("{rate} kg/s per m"),
             },
+            (Amount::Fill, Placement::State(state)) => format!("those of {}", state.file.display()),
             (Amount::Fill, Placement::Csv(csv)) => format!("all of {}", csv.file.display()),
             (Amount::Fill, _) => "as many as its place holds".to_owned(),
         };

@@ -141,7 +141,7 @@ impl Sizes {
             true => self.line("grains", "none at the start".into()),
             false => self.grains_there(grains),
         }
-        self.groups(scene);
+        self.groups(scene, grains.len());
     }
 
     fn grains_there(&mut self, grains: &Particles<2>) {
@@ -165,7 +165,7 @@ impl Sizes {
         );
     }
 
-    fn groups(&mut self, scene: &Scene) {
+    fn groups(&mut self, scene: &Scene, count: usize) {
         for (i, group) in scene.grains.iter().enumerate() {
             let Some(radius) = &group.radius else { continue };
             let diameter = 2.0 * radius.largest();

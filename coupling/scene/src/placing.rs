@@ -298,7 +298,8 @@ fn deposit(scene: &Scene, d: &scene::Deposit) -> packing::Deposit {
         },
         friction: d.friction,
         rotation: contacts.rotation,
-        walls: scene.walls.iter().map(|wall| build::wall(scene, wall)).collect(),
+        // Settling takes a time of its own, in which no gate vanishes.
+        walls: scene.walls.iter().map(|wall| Wall { until: None, ..build::wall(scene, wall) }).collect(),
         // Grains that settle need no accurate forces on the way.
         settings: Settings { max_sweeps: settings.max_sweeps.min(default.settings.max_sweeps), ..settings },
         max_steps: if d.settle { default.max_steps } else { 0 },
