@@ -39,7 +39,8 @@ pub struct Fluid<const D: usize> {
     pub conditions: Vec<Condition<D>>,
     /// Time over which prescribed velocities grow linearly from zero, s; 0 for at once.
     pub ramp: f64,
-    /// Rows of time (s) and factor on the prescribed velocity, linear between rows, by condition; none for a factor of one.
+    /// Rows of time (s) and factor on the prescribed velocity, linear between rows, by condition; none for a factor of
+    /// one.
     pub schedules: Vec<Vec<[f64; 2]>>,
     /// Integral of each shape function, m3 (m2 in the plane).
     pub nodal_volume: Vec<f64>,

@@ -70,7 +70,8 @@ impl<const D: usize> Mixture<D> {
         self.interaction.overlap.outside().binary_search(&(grain as u32)).is_ok()
     }
 
-    /// Takes out of the run the grains that the last cut found outside of the mesh, and those that sinks have `taken`, which may be
+    /// Takes out of the run the grains that the last cut found outside of the mesh, and those that sinks have `taken`,
+    /// which may be
     /// empty: the end of a step.
     pub(crate) fn dismiss(&mut self, taken: &[bool]) {
         let Self { grains, interaction, .. } = self;

@@ -566,7 +566,8 @@ impl<const D: usize> Dem<D> {
         self.memory.store(self.particles.len(), 1.0, self.settings.cohesion.is_some(), records);
     }
 
-    /// Other coefficients of walls and materials, and other settings, from now on; as many walls and materials as before.
+    /// Other coefficients of walls and materials, and other settings, from now on; as many walls and materials as
+    /// before.
     ///
     /// # Errors
     /// Values that are not allowed, or that grains of this kind cannot have.

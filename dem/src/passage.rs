@@ -74,7 +74,8 @@ pub struct Fed {
     due: f64,
     /// Time up to which it is due, s: a step that failed and is done again lets nothing in twice.
     until: f64,
-    /// Grains that are due and found no place yet; of a rate by mass as many as the next one's mass goes into what is due.
+    /// Grains that are due and found no place yet; of a rate by mass as many as the next one's mass goes into what is
+    /// due.
     pub waiting: u64,
     /// Places drawn since time zero.
     drawn: u64,

@@ -1,11 +1,13 @@
-//! Grains that sources let in and sinks take out, and that cross open boundaries: counts, restart, and the volume of the fluid.
+//! Grains that sources let in and sinks take out, and that cross open boundaries: counts, restart, and the volume of
+//! the fluid.
 
 use std::path::Path;
 use voidage_remote::launch::Host;
 use voidage_scene::recorder::{Averages, Checkpoint, Stamp};
 use voidage_scene::{Scene, Simulation};
 
-/// Grains that sink in a liquid between a source and a sink; those of a second source are thrown out through the open top.
+/// Grains that sink in a liquid between a source and a sink; those of a second source are thrown out through the open
+/// top.
 const IN_LIQUID: &str = include_str!("../python/scenes/passage.toml");
 
 fn scene(text: &str, sets: &[&str]) -> Scene {
@@ -237,7 +239,8 @@ fn a_source_whose_grains_are_not_in_the_mesh_is_an_error_that_names_it() {
     assert!(error.contains("source \"feed\"") && error.contains("not wholly in the mesh"), "{error}");
 }
 
-/// The case in a short form: once the flow is steady, as much comes in as goes out, but for the scatter of a few grains.
+/// The case in a short form: once the flow is steady, as much comes in as goes out, but for the scatter of a few
+/// grains.
 #[test]
 fn the_fed_hopper_reaches_a_steady_state() {
     let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/fed-hopper/scene.toml");

@@ -153,7 +153,8 @@ pub(crate) fn other_scheme(one: &Scene, other: &Scene) -> bool {
     of(one) != of(other)
 }
 
-/// Lets a system go on under the laws of another scene of the same parts, as after a restart; with its coupling scheme, if `scheme`.
+/// Lets a system go on under the laws of another scene of the same parts, as after a restart; with its coupling scheme,
+/// if `scheme`.
 ///
 /// # Errors
 /// Laws that do not fit the parts; the fluid solver cannot be reached.

@@ -1,6 +1,7 @@
 //! Keys that change while a run goes on.
 //!
-//! An event does what a restart with other keys does, without the stop: the laws of grains, walls, exchange and boundary are those of
+//! An event does what a restart with other keys does, without the stop: the laws of grains, walls, exchange and
+//! boundary are those of
 //! another scene from then on.
 
 use crate::changes::differences;

@@ -39,7 +39,8 @@ pub struct Grains {
     /// Name of one of the materials.
     pub material: String,
     /// Radius, m: `{constant = r}`, in short `r`, `{uniform = [smallest, largest]}`, or a law of sizes by number or
-    /// by mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file or a state, which have
+    /// by mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file or a state,
+    /// which have
     /// their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
@@ -47,7 +48,8 @@ pub struct Grains {
     /// spheres. Default 1.
     #[serde(default = "one")]
     pub solidity: f64,
-    /// How many: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`; of a source how many in all.
+    /// How many: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`; of a source how many in
+    /// all.
     /// Default `"fill"`, of a source without end.
     #[serde(default)]
     pub amount: Amount,
@@ -56,7 +58,8 @@ pub struct Grains {
     /// Velocity at the start, or of grains that a source lets in, m/s. Default: at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<Coordinates>,
-    /// Temperature at the start, or of grains that a source lets in, K. Default: grains have no temperature; all groups have one or none has.
+    /// Temperature at the start, or of grains that a source lets in, K. Default: grains have no temperature; all groups
+    /// have one or none has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
     /// Held in place: the grains never move. Default false.
@@ -189,7 +192,8 @@ pub enum Placement {
     With(usize),
     /// As another run left them: places, radii, velocities, spins, temperatures and contacts.
     State(StateFile),
-    /// Let in while the run goes on, at random places of a box where they overlap neither grains nor walls. A grain that finds no place
+    /// Let in while the run goes on, at random places of a box where they overlap neither grains nor walls. A grain
+    /// that finds no place
     /// waits, and the run says so.
     Source(GrainSource),
 }
@@ -198,7 +202,8 @@ pub enum Placement {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StateFile {
-    /// Checkpoint of any run with grains, such as `out/NAME/checkpoint.voidage`, path relative to the scene. Contacts with walls are taken
+    /// Checkpoint of any run with grains, such as `out/NAME/checkpoint.voidage`, path relative to the scene. Contacts
+    /// with walls are taken
     /// over where a wall has the same name in both.
     pub file: PathBuf,
     /// Number of the group of that run, counted from 0. Default: all its grains.
@@ -242,7 +247,8 @@ pub enum Rate {
     Mass(f64),
 }
 
-/// Takes grains out of the run: those whose centres cross a line, or are in a box at the end of a step. A fluid there is told of the volume
+/// Takes grains out of the run: those whose centres cross a line, or are in a box at the end of a step. A fluid there
+/// is told of the volume
 /// that it gets back.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -123,7 +123,8 @@ impl Totals {
         raise(&mut self.solid_volume_defect, report.solid_volume_defect);
     }
 
-    /// What the steps did not bring, a line each; nothing if all is well. `wall` gives the name of a wall, `source` that of a source.
+    /// What the steps did not bring, a line each; nothing if all is well. `wall` gives the name of a wall, `source`
+    /// that of a source.
     pub fn shortcomings<'a>(
         &self,
         wall: impl Fn(u32) -> &'a str,

@@ -13,7 +13,8 @@ pub const ACCEPT: u32 = 1;
 pub const MOVES: u32 = 2;
 /// Flag of a step: there are grains, and the payload has point terms and voidage.
 pub const IMMERSED: u32 = 4;
-/// Flag of a step with grains: solid volume comes in, and the payload has the nodal source of the equation of mass behind the voidage.
+/// Flag of a step with grains: solid volume comes in, and the payload has the nodal source of the equation of mass
+/// behind the voidage.
 pub const APPEARS: u32 = 8;
 
 /// What a frame is. The grains ask, the fluid answers each question with one frame.

@@ -12,7 +12,8 @@
 //! ```
 //!
 //! A step starts from the last accepted state, however often it is asked for; the flag [`ACCEPT`] on a step
-//! accepts the solution before it, [`APPEARS`] says that it brings a source of mass. Instead of an answer there may be an error with a text, and heartbeats
+//! accepts the solution before it, [`APPEARS`] says that it brings a source of mass. Instead of an answer there may be
+//! an error with a text, and heartbeats
 //! before it. Only the columns that a scene needs travel, and places and velocities of the nodes only if the mesh moves. All
 //! quantities are in SI units.
 
