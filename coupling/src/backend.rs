@@ -7,7 +7,7 @@ use crate::error::Result;
 use voidage_fluid::balance::Balance;
 use voidage_fluid::body::BodyAnswer;
 use voidage_fluid::conditions::{Condition, FlowCondition};
-use voidage_fluid::flow::{Numerics, Report, State};
+use voidage_fluid::flow::{Numerics, Report, Sources, State};
 use voidage_fluid::forms::Properties;
 use voidage_fluid::points::Points;
 use voidage_fluid::transport::Scalar;
@@ -33,6 +33,10 @@ pub struct Immersed<'a, const D: usize> {
     pub points: &'a Points<D>,
     /// Nodal voidage.
     pub voidage: &'a [f64],
+    /// Solid volume that comes in per volume and time, at the nodes, 1/s: a source of the equation of mass. Absent
+    /// where none
+    /// does.
+    pub source: Option<&'a [f64]>,
 }
 
 /// A step as the fluid solver gets it.
@@ -130,6 +134,12 @@ impl<const D: usize, const B: usize> FluidBackend<D> for RustFluid<D, B> {
         flow.follow(step.motion.as_ref())?;
         let voidage = step.immersed.map_or(&self.clear[..], |immersed| immersed.voidage);
         let points = step.immersed.map(|immersed| immersed.points);
+        let source = step.immersed.and_then(|immersed| immersed.source);
+        flow.set_sources(source.map(|mass| Sources {
+            momentum: vec![Vector::zeros(); mass.len()],
+            mass: mass.to_vec(),
+            scalars: vec![vec![0.0; mass.len()]; self.model.scalars.len()],
+        }));
         out.report = flow.solve(step.dt, voidage, points, step.conditions)?;
         out.transport_s = 0.0;
         out.fields.copy_from(flow.solution());

@@ -39,6 +39,9 @@ pub struct Fluid<const D: usize> {
     pub conditions: Vec<Condition<D>>,
     /// Time over which prescribed velocities grow linearly from zero, s; 0 for at once.
     pub ramp: f64,
+    /// Rows of time (s) and factor on the prescribed velocity, linear between rows, by condition; none for a factor of
+    /// one.
+    pub schedules: Vec<Vec<[f64; 2]>>,
     /// Integral of each shape function, m3 (m2 in the plane).
     pub nodal_volume: Vec<f64>,
     /// What moves the mesh; absent if it stands still.
@@ -76,6 +79,7 @@ impl<const D: usize> Fluid<D> {
             scalars,
             conditions,
             ramp: 0.0,
+            schedules: vec![],
             motion: None,
             droplet: None,
             remesher: None,
@@ -132,7 +136,7 @@ impl<const D: usize> Fluid<D> {
         immersed: Option<Immersed<'_, D>>,
         report: &mut StepReport,
     ) -> Result<()> {
-        let mut conditions = ramped(&self.conditions, self.ramp, self.clock.time + dt);
+        let mut conditions = scheduled(&self.conditions, (self.ramp, &self.schedules), self.clock.time + dt);
         let mut velocity = self.motion.as_ref().map(|motion| motion.velocity());
         let mut part = None;
         if let Some(droplet) = alive(&mut self.droplet) {
@@ -257,6 +261,7 @@ impl<const D: usize> Default for Fluid<D> {
             scalars: vec![],
             conditions: vec![],
             ramp: 0.0,
+            schedules: vec![],
             nodal_volume: vec![],
             motion: None,
             droplet: None,
@@ -288,19 +293,65 @@ impl<const D: usize> FluidBackend<D> for Vacant {
     fn accept(&mut self) {}
 }
 
-/// The conditions at a time: prescribed velocities grow over the ramp.
-fn ramped<const D: usize>(conditions: &[Condition<D>], ramp: f64, time: f64) -> Cow<'_, [Condition<D>]> {
-    if time >= ramp {
+/// The conditions at a time: prescribed velocities grow over the ramp, and follow their schedules.
+fn scheduled<'a, const D: usize>(
+    conditions: &'a [Condition<D>],
+    (ramp, schedules): (f64, &[Vec<[f64; 2]>]),
+    time: f64,
+) -> Cow<'a, [Condition<D>]> {
+    let grown = if time >= ramp { 1.0 } else { time / ramp };
+    if grown == 1.0 && schedules.iter().all(Vec::is_empty) {
         return Cow::Borrowed(conditions);
     }
     let mut scaled = conditions.to_vec();
-    for condition in &mut scaled {
+    for (k, condition) in scaled.iter_mut().enumerate() {
+        let factor = grown * schedules.get(k).map_or(1.0, |rows| factor(rows, time));
         match &mut condition.flow {
-            FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) => {
-                value.scale(time / ramp);
-            }
+            FlowCondition::Velocity(value) | FlowCondition::SuperficialVelocity(value) => value.scale(factor),
             _ => {}
         }
     }
     Cow::Owned(scaled)
+}
+
+/// The factor of a schedule at a time, that of its first row before it and of its last after it; one without rows.
+fn factor(rows: &[[f64; 2]], time: f64) -> f64 {
+    let after = rows.partition_point(|row| row[0] <= time);
+    match (after.checked_sub(1).and_then(|before| rows.get(before)), rows.get(after)) {
+        (Some([t, a]), Some([u, b])) => a + (b - a) * ((time - t) / (u - t)),
+        (Some([_, only]), None) | (None, Some([_, only])) => *only,
+        (None, None) => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use voidage_fluid::conditions::Prescribed;
+
+    #[test]
+    fn prescribed_velocities_follow_ramp_and_schedule() {
+        let inflow = Condition {
+            boundary: "floor".into(),
+            flow: FlowCondition::Velocity(Prescribed::Uniform(Vector::<2>::new(0.0, 2.0))),
+            scalars: vec![],
+        };
+        let other = Condition { boundary: "top".into(), ..inflow.clone() };
+        let conditions = [inflow, other];
+        let schedules = [vec![[0.1, 0.5], [0.3, 1.5], [0.4, -1.0]]];
+        for (time, ramp, expected) in [
+            (0.05, 0.0, [1.0, 2.0]),
+            (0.2, 0.0, [2.0, 2.0]),
+            (0.35, 0.0, [0.5, 2.0]),
+            (9.0, 0.0, [-2.0, 2.0]),
+            (0.2, 0.4, [1.0, 1.0]),
+        ] {
+            let now = scheduled(&conditions, (ramp, &schedules), time);
+            for (condition, expected) in now.iter().zip(expected) {
+                let FlowCondition::Velocity(value) = &condition.flow else { panic!("{condition:?}") };
+                assert!((value.at(0)[1] - expected).abs() < 1e-14, "{time}: {condition:?}");
+            }
+        }
+        assert!(matches!(scheduled(&conditions, (0.0, &[]), 0.0), Cow::Borrowed(_)));
+    }
 }

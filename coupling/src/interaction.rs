@@ -1,5 +1,6 @@
 //! The exchange between grains and fluid: its laws, and what both know of each other.
 
+use crate::appearing::Appearing;
 use crate::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use crate::droplet::wet::Wet;
 use crate::exchange::{self, AtGrains, OnMesh};
@@ -56,6 +57,10 @@ pub struct Interaction<const D: usize> {
     pub carried: Option<Carried<D>>,
     /// Grains that have left through open boundaries since time zero.
     pub departed: u64,
+    /// Their mass, kg (per metre of depth in the plane).
+    pub departed_mass: f64,
+    /// Solid volume that comes into the mesh and goes, of which the equation of mass is told.
+    pub appearing: Appearing<D>,
     /// Force (N) and heat (W) that the fluid lost at the points in the last solution.
     pub lost: (Vector<D>, f64),
     /// The grains in the water of a droplet, and the water as they feel it; absent without a droplet.
@@ -80,6 +85,8 @@ impl<const D: usize> Default for Interaction<D> {
             heat_tolerance: Numerics::default().scalars.tolerance,
             carried: None,
             departed: 0,
+            departed_mass: 0.0,
+            appearing: Appearing::default(),
             lost: (Vector::zeros(), 0.0),
             wet: None,
             overlap: Overlap::default(),

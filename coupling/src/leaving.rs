@@ -1,12 +1,13 @@
 //! Grains that leave the mesh: through an open boundary they leave the run, through any other part that is an error.
 
-use crate::{Error, Mixture, Notice, Result};
+use crate::exchange::{AtGrains, OnMesh, Pieces};
+use crate::{Error, HEAT, Mixture, Notice, Result};
 use voidage_dem::retain;
 use voidage_fluid::conditions::FlowCondition;
 use voidage_fluid::{Mesh, Vector};
 
 /// Number of the part of the boundary that is nearest to a point of the plane.
-fn nearest_part<const D: usize>(mesh: &Mesh<D>, x: &Vector<D>) -> Option<usize> {
+pub(crate) fn nearest_part<const D: usize>(mesh: &Mesh<D>, x: &Vector<D>) -> Option<usize> {
     let distance = |facet: &[u32]| {
         let (a, b) = (mesh.points[facet[0] as usize], mesh.points[facet[1] as usize]);
         let along = b - a;
@@ -55,16 +56,35 @@ impl<const D: usize> Mixture<D> {
         Ok(())
     }
 
-    /// Takes out of the run the grains that the last cut found outside of the mesh: the end of a step.
-    pub(crate) fn dismiss(&mut self) {
+    /// What refuses a grain of a source.
+    pub(crate) fn outside_of_mesh(&self, source: &str, place: &Vector<D>, radius: f64) -> Error {
+        let place = place.as_slice();
+        Error::run(Notice::new(
+            format!("source \"{source}\": a grain at {place:?} of radius {radius} is not wholly in the mesh"),
+            "give the source a box that lies in the mesh of the fluid",
+        ))
+    }
+
+    /// Whether the last cut found a grain outside of the mesh.
+    pub(crate) fn is_outside(&self, grain: usize) -> bool {
+        self.interaction.overlap.outside().binary_search(&(grain as u32)).is_ok()
+    }
+
+    /// Takes out of the run the grains that the last cut found outside of the mesh, and those that sinks have `taken`,
+    /// which may be
+    /// empty: the end of a step.
+    pub(crate) fn dismiss(&mut self, taken: &[bool]) {
         let Self { grains, interaction, .. } = self;
         let gone = interaction.overlap.outside();
-        if gone.is_empty() {
+        if gone.is_empty() && taken.is_empty() {
             return;
         }
         let mut keep = vec![true; grains.particles.len()];
+        keep.iter_mut().zip(taken).for_each(|(keep, taken)| *keep = !taken);
         gone.iter().for_each(|&grain| keep[grain as usize] = false);
         interaction.departed += gone.len() as u64;
+        interaction.departed_mass += gone.iter().map(|&i| grains.particles.mass[i as usize]).sum::<f64>();
+        self.book_gone(&keep);
         self.retain(&keep);
     }
 
@@ -82,6 +102,45 @@ impl<const D: usize> Mixture<D> {
 }
 
 impl<const D: usize> crate::Interaction<D> {
+    /// Adds columns for grains that come in, of these pieces and solid volumes (m3), with the fluid where they are.
+    pub(crate) fn extend(&mut self, pieces: &Pieces<D>, fluid: &OnMesh<'_, D>, volumes: &[f64]) {
+        let n = self.load.drag.len() + volumes.len();
+        let crate::load::GrainLoad { volume, drag, mobility, velocity, continuity, heat, .. } =
+            &mut self.load;
+        volume.extend_from_slice(volumes);
+        [drag, mobility].into_iter().for_each(|column| column.resize(n, 0.0));
+        velocity.resize(n, Vector::zeros());
+        if let Some(law) = continuity {
+            law.mobility.resize(n, 0.0);
+            law.velocity.resize(n, Vector::zeros());
+        }
+        if let Some(heat) = heat {
+            [&mut heat.coefficient, &mut heat.mobility, &mut heat.temperature]
+                .into_iter()
+                .for_each(|column| column.resize(n, 0.0));
+            self.heat.resize(n, 0.0);
+        }
+        let mut at = AtGrains::default();
+        at.sample(pieces, fluid, self.load.heat.as_ref().map(|_| HEAT));
+        self.at.velocity.append(&mut at.velocity);
+        self.at.pressure_gradient.append(&mut at.pressure_gradient);
+        self.at.temperature.append(&mut at.temperature);
+        self.force.resize(n, Vector::zeros());
+        self.voidage.resize(n, 1.0);
+        if !self.cohesive.is_empty() {
+            self.cohesive.resize(n, true);
+        }
+        if let Some(carried) = &mut self.carried {
+            carried.impulse.resize(n, Vector::zeros());
+            carried.displacement.resize(n, Vector::zeros());
+            if self.load.heat.is_some() {
+                carried.heat.resize(n, 0.0);
+            }
+        }
+        self.load.pieces.clear();
+        self.overlap.forget();
+    }
+
     /// Keeps the columns of the grains that are marked.
     fn retain(&mut self, keep: &[bool]) {
         let crate::load::GrainLoad { volume, drag, mobility, velocity, continuity, heat, .. } =

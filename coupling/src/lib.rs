@@ -6,6 +6,7 @@
 //! ([`exchange`]).
 
 mod agreement;
+mod appearing;
 pub mod backend;
 pub mod closure;
 pub mod droplet;
@@ -25,6 +26,7 @@ pub mod scheme;
 pub mod step;
 
 pub use agreement::{Agreement, Carried};
+pub use appearing::Appearing;
 pub use error::{Error, Notice, PeerError, Result};
 pub use fluid::{Clock, Fluid};
 pub use interaction::{Interaction, Laws};

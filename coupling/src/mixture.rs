@@ -103,6 +103,7 @@ impl<const D: usize> Mixture<D> {
         let volume = overlap::voidage(&fluid.mesh, pieces, volume, &fluid.nodal_volume, voidage);
         let exact = particles.volume.iter().sum::<f64>() - swallowed;
         report.solid_volume_defect = Some(relative((volume - exact).abs(), exact));
+        self.find_appearing()?;
         report.phases.overlap += start.elapsed().as_secs_f64();
         self.phase = Phase::Cut;
         Ok(())
@@ -220,11 +221,13 @@ impl<const D: usize> Mixture<D> {
             let grains = (&interaction.load, &interaction.at);
             droplet.immerse(wet.immersion(droplet.surface(), &droplet.stream(), grains));
         }
-        let Interaction { load, points, laws, .. } = interaction;
+        let Interaction { load, points, laws, appearing, .. } = interaction;
         let rigid = Rigid { fluid: fluid.on_mesh(), density: laws.density, dt };
         load.fill_points(&rigid, (HEAT, fluid.scalars.len()), points);
         let before = report.phases;
-        fluid.solve(dt, Some(Immersed { points, voidage: &load.voidage }), report)?;
+        let source = appearing.source(dt, &fluid.nodal_volume);
+        let immersed = Immersed { points, voidage: &load.voidage, source: source.as_deref() };
+        fluid.solve(dt, Some(immersed), report)?;
         interaction.receive(&OnMesh { mesh: &fluid.mesh, fields: &fluid.solution.fields });
         report.phases.exchange += start.elapsed().as_secs_f64() - report.phases.of_solver_since(&before);
         self.phase = Phase::Solved;
@@ -314,6 +317,9 @@ impl<const D: usize> Mixture<D> {
             interaction.overlap.moved(&fluid.mesh);
         }
         self.interaction.balance(dt, report);
+        let appearing = &mut self.interaction.appearing;
+        *report.appeared.get_or_insert_default() += appearing.volume();
+        appearing.settle();
         self.phase = Phase::Accepted;
         Ok(())
     }

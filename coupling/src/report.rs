@@ -72,6 +72,11 @@ pub struct StepReport {
     pub energy_exchange_defect: Option<f64>,
     /// Share of the solid volume that lies outside of the mesh, so that the fluid does not meet it; with both only.
     pub solid_volume_defect: Option<f64>,
+    /// Solid volume that came into the mesh in the step otherwise than by moving within it, less what went, m3 (m2 in
+    /// the plane); with both only.
+    pub appeared: Option<f64>,
+    /// The source that had no place for most grains that were due, by number, and how many.
+    pub waiting: Option<(usize, u64)>,
     /// How far the grains are from what the fluid expected; with both only.
     pub agreement: Option<Agreement>,
     /// Whether the domain was remeshed after the step.

@@ -4,7 +4,7 @@ use crate::droplet::wet::Taken;
 use crate::scheme::Scheme;
 use crate::{Clock, Error, Fluid, Interaction, Mixture, Notice, Result, StepReport};
 use std::time::Instant;
-use voidage_dem::{Dem, Load};
+use voidage_dem::{Dem, Load, Passage};
 
 /// What a scene is made of. A scene pays nothing for what it does not have.
 pub enum System<const D: usize> {
@@ -37,12 +37,14 @@ pub struct Coupled<const D: usize> {
     /// The system.
     pub system: System<D>,
     scheme: Box<dyn Scheme<D>>,
+    /// Sources and sinks of grains; absent without.
+    pub passage: Option<Box<Passage<D>>>,
 }
 
 impl<const D: usize> Coupled<D> {
     /// A system with its scheme; grains or fluid alone do not use it.
     pub fn new(system: System<D>, scheme: Box<dyn Scheme<D>>) -> Self {
-        Self { system, scheme }
+        Self { system, scheme, passage: None }
     }
 
     /// One step of `dt`: the mesh moves, grains and fluid move, and the domain is remeshed if it is time.
@@ -52,11 +54,16 @@ impl<const D: usize> Coupled<D> {
     /// does a step in parts), except that the grains' hints and load columns may be those of the failed step.
     pub fn step(&mut self, dt: f64) -> Result<StepReport> {
         let mut report = StepReport::default();
+        let waiting = self.feed(dt)?;
         self.advance_mesh(dt, &mut report)?;
         match &mut self.system {
             System::Grains(grains, clock) => {
                 let start = Instant::now();
                 report.grains = Some(grains.step(dt, &Load::default()));
+                let taken = self.passage.as_mut().map_or(vec![], |passage| passage.take(grains, |_| false));
+                if !taken.is_empty() {
+                    grains.retain(&taken.iter().map(|taken| !taken).collect::<Vec<_>>());
+                }
                 report.phases.contacts += start.elapsed().as_secs_f64();
                 *clock = Clock { time: clock.time + dt, steps: clock.steps + 1 };
             }
@@ -77,14 +84,52 @@ impl<const D: usize> Coupled<D> {
                 report = self.scheme.step(mixture, dt)?;
                 report.remeshed |= renewed.remeshed;
                 report.phases.remesh += renewed.phases.remesh;
-                mixture.dismiss();
+                let passage = self.passage.as_mut();
+                let taken =
+                    passage.map_or(vec![], |p| p.take(&mixture.grains, |grain| mixture.is_outside(grain)));
+                mixture.dismiss(&taken);
             }
         }
         if let Some((grain, speed)) = report.grains.and_then(|grains| grains.runaway) {
             return Err(runaway(&self.system, grain, speed));
         }
+        report.waiting = waiting;
         self.remesh(&mut report)?;
         Ok(report)
+    }
+
+    /// Lets grains in by the sources, at the start of a step of `dt`; the source that has most grains without a place,
+    /// and
+    /// how many.
+    fn feed(&mut self, dt: f64) -> Result<Option<(usize, u64)>> {
+        let Some(mut passage) = self.passage.take() else { return Ok(None) };
+        let waiting = self.feed_from(&mut passage, dt);
+        self.passage = Some(passage);
+        waiting
+    }
+
+    fn feed_from(&mut self, passage: &mut Passage<D>, dt: f64) -> Result<Option<(usize, u64)>> {
+        let mut waiting = None;
+        for k in 0..passage.sources.len() {
+            let Some(grains) = self.grains() else { break };
+            let drawn = passage.draw(k, grains, dt)?;
+            let late = passage.state().fed[k].waiting;
+            if late > waiting.map_or(0, |(_, most)| most) {
+                waiting = Some((k, late));
+            }
+            if drawn.is_empty() {
+                continue;
+            }
+            match &mut self.system {
+                System::Grains(grains, _) => grains.add(drawn)?,
+                System::Mixture(mixture) => mixture.add(&passage.sources[k].name, drawn)?,
+                System::Fluid(_) => {}
+            }
+        }
+        if let Some(grains) = self.grains() {
+            passage.begin(&grains.particles);
+        }
+        Ok(waiting)
     }
 
     /// Advances by another scheme from now on.

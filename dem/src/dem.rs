@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use crate::search::Search;
 use crate::solver::Problem;
 use crate::walls::Placed;
-use crate::{Load, Material, Pair, Particles, Settings, Side, StepReport, Vector, Wall};
+use crate::{Heat, Load, Material, Pair, Particles, Rotation, Settings, Side, StepReport, Vector, Wall};
 use serde::{Deserialize, Serialize};
 
 mod contacts;
@@ -24,8 +24,8 @@ const RUNAWAY: f64 = 1e7;
 
 /// Grains, walls and everything that carries over from step to step.
 pub struct Dem<const D: usize> {
-    /// The grains. Positions, velocities, spins and temperatures may be changed between steps; adding or removing
-    /// grains needs a new `Dem`.
+    /// The grains. Positions, velocities, spins and temperatures may be changed between steps; [`Dem::add`] and
+    /// [`Dem::retain`] change their number.
     pub particles: Particles<D>,
     walls: Vec<Wall<D>>,
     materials: Vec<Material>,
@@ -100,6 +100,21 @@ pub struct ContactForce<const D: usize> {
     pub partner: Partner,
     /// Force on the other side, N (per metre of depth).
     pub force: Vector<D>,
+    /// Time that the contact has lasted, s; of cohesion only.
+    pub age: f64,
+}
+
+impl<const D: usize> State<D> {
+    /// The contacts of the last sub-step that carried a force, for grains that start another run.
+    pub fn forces(&self) -> impl Iterator<Item = ContactForce<D>> + '_ {
+        let h = self.memory.h;
+        self.memory.records().map(move |r| ContactForce {
+            grain: r.i,
+            partner: if r.j & WALL == 0 { Partner::Grain(r.j) } else { Partner::Wall(r.j & !WALL) },
+            force: r.impulse / h,
+            age: r.age,
+        })
+    }
 }
 
 impl<const D: usize> Default for Dem<D> {
@@ -261,6 +276,35 @@ impl<const D: usize> Dem<D> {
         retain(&mut self.contact_heat, keep);
         retain(&mut self.mean_velocity, keep);
         retain(&mut self.mean_temperature, keep);
+        self.renumber();
+    }
+
+    /// Adds grains after those that are there, with the numbers for life that they have. Contacts of the others stay.
+    ///
+    /// # Errors
+    /// Values that no grain may have; heat or spin that only the one or the other have.
+    pub fn add(&mut self, more: Particles<D>) -> Result<()> {
+        more.validate(&self.materials)?;
+        let alike = |a: bool, b: bool| a == b || self.particles.is_empty();
+        let heat = alike(more.heat.is_some(), self.particles.heat.is_some());
+        if !heat || !alike(more.rotation.is_some(), self.particles.rotation.is_some()) {
+            return Err(Error::Scene("grains that are added carry heat and spin as the others do".into()));
+        }
+        let id = more.id.clone();
+        let before = self.particles.len();
+        self.particles.append(more);
+        self.particles.id[before..].copy_from_slice(&id);
+        let n = self.particles.len();
+        self.memory.extend(n);
+        self.contact_force.resize(n, Vector::zeros());
+        self.contact_heat.resize(if self.particles.heat.is_some() { n } else { 0 }, 0.0);
+        self.mean_velocity.resize(if self.mean_velocity.is_empty() { 0 } else { n }, Vector::zeros());
+        self.mean_temperature.resize(if self.mean_temperature.is_empty() { 0 } else { n }, 0.0);
+        self.renumber();
+        Ok(())
+    }
+
+    fn renumber(&mut self) {
         // What these hold is by the old numbers; they are made again.
         (self.search, self.problem, self.saved) = (Search::default(), Problem::default(), Saved::default());
         (self.after, self.conductor) = (vec![], Conductor::default());
@@ -545,10 +589,35 @@ impl<const D: usize> Dem<D> {
                     Partner::Wall(wall) => WALL + wall,
                 },
                 impulse: f.force,
-                age: 0.0,
+                age: f.age,
             })
         };
         self.memory.store(self.particles.len(), 1.0, self.settings.cohesion.is_some(), records);
+    }
+
+    /// Other coefficients of walls and materials, and other settings, from now on; as many walls and materials as
+    /// before.
+    ///
+    /// # Errors
+    /// Values that are not allowed, or that grains of this kind cannot have.
+    pub fn change(
+        &mut self,
+        walls: Vec<Wall<D>>,
+        materials: Vec<Material>,
+        settings: Settings<D>,
+    ) -> Result<()> {
+        if (walls.len(), materials.len()) != (self.walls.len(), self.materials.len()) {
+            return Err(Error::Scene("walls and materials must stay as many as they are".into()));
+        }
+        let alike = Particles {
+            heat: self.particles.heat.as_ref().map(|_| Heat::default()),
+            rotation: self.particles.rotation.as_ref().map(|_| Rotation::default()),
+            ..Particles::default()
+        };
+        let changed = Self::new(alike, walls, materials, settings)?;
+        (self.walls, self.materials) = (changed.walls, changed.materials);
+        (self.settings, self.laws) = (changed.settings, changed.laws);
+        Ok(())
     }
 
     /// Time, s.

@@ -93,6 +93,14 @@ impl<const D: usize> Memory<D> {
         self.store(next as usize, h, aged, || records.iter().copied());
     }
 
+    /// Makes room for so many grains; those that are new have no contacts.
+    pub fn extend(&mut self, grains: usize) {
+        // Where nothing was stored yet, nothing is found.
+        if let Some(&end) = self.starts.last() {
+            self.starts.resize(grains + 1, end);
+        }
+    }
+
     /// Keeps the given contacts; `records` may be walked twice.
     pub fn store<I>(&mut self, grains: usize, h: f64, aged: bool, records: impl Fn() -> I)
     where

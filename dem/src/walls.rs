@@ -59,6 +59,9 @@ pub struct Wall<const D: usize> {
     /// How it moves.
     #[serde(default)]
     pub motion: Motion<D>,
+    /// Time at which it vanishes, s; none: never.
+    #[serde(default)]
+    pub until: Option<f64>,
     /// Temperature, K; none: no heat passes.
     #[serde(default)]
     pub temperature: Option<f64>,
@@ -76,12 +79,19 @@ impl<const D: usize> Wall<D> {
             friction: 0.0,
             restitution: 0.0,
             motion: Motion::Fixed,
+            until: None,
             temperature: None,
             conductivity: None,
         }
     }
 
-    /// End points at a time, m.
+    /// Whether it is still there at a time.
+    pub fn stands(&self, time: f64) -> bool {
+        // Times are sums of steps.
+        self.until.is_none_or(|until| time < until - 1e-9 * until.abs())
+    }
+
+    /// End points at a time, m, as if it never vanished.
     pub fn at(&self, time: f64) -> [Vector<D>; 2] {
         match &self.motion {
             Motion::Fixed => self.points,
@@ -164,6 +174,8 @@ impl<const D: usize> Wall<D> {
         check((0.0..=1.0).contains(&self.restitution), self.restitution, "it must lie in 0 .. 1", || {
             at("restitution")
         })?;
+        let until = self.until.unwrap_or(0.0);
+        check(until.is_finite(), until, "it must be finite", || at("time at which it vanishes"))?;
         let temperature = self.temperature.unwrap_or(0.0);
         check(temperature.is_finite(), temperature, "it must be finite", || at("temperature"))?;
         let conductivity = self.conductivity.unwrap_or(1.0);
@@ -206,9 +218,16 @@ pub(crate) struct Placed<const D: usize> {
     pub velocity: [Vector<D>; 2],
 }
 
+/// How far away a wall that has vanished is put along each axis, m.
+const FAR: f64 = 1e9;
+
 impl<const D: usize> Placed<D> {
     pub fn new(wall: &Wall<D>, time: f64, h: f64) -> Self {
         let points = wall.at(time);
+        if !wall.stands(time) {
+            // Out of reach of all grains.
+            return Self { points: points.map(|x| x.add_scalar(FAR)), velocity: [Vector::zeros(); 2] };
+        }
         if !wall.moves() {
             return Self { points, velocity: [Vector::zeros(); 2] };
         }
@@ -261,6 +280,19 @@ mod tests {
         approx::assert_relative_eq!(wall.at(0.5)[0], Vector::<2>::new(1.0, 0.1));
         let placed = Placed::new(&wall, 0.0, 0.5);
         approx::assert_relative_eq!(placed.velocity_at(0.3), Vector::<2>::new(0.0, 0.2));
+    }
+
+    #[test]
+    fn walls_vanish_and_are_not_met_then() {
+        let (a, b) = (Vector::<2>::new(1.0, 0.0), Vector::<2>::new(2.0, 0.0));
+        let wall =
+            Wall { until: Some(0.3), motion: Motion::Translation { velocity: b }, ..Wall::new("gate", a, b) };
+        assert!(
+            wall.stands(0.0) && wall.stands(0.299) && !wall.stands(0.1 + 0.2 - 1e-12) && !wall.stands(9.0)
+        );
+        assert_eq!(Placed::new(&wall, 0.2, 0.1).velocity_at(0.5), b);
+        let gone = Placed::new(&wall, 0.3, 0.1);
+        assert!((gone.point(gone.nearest(&a)) - a).norm() > 1e8 && gone.velocity_at(0.5).norm() == 0.0);
     }
 
     #[test]

@@ -56,7 +56,7 @@ impl<const D: usize> State<D> {
     }
 }
 
-/// Sources per volume at the nodes, for manufactured solutions.
+/// Sources per volume at the nodes: of solid volume that comes in, and for manufactured solutions.
 #[derive(Clone, Debug)]
 pub struct Sources<const D: usize> {
     /// Momentum, N/m3.

@@ -68,9 +68,9 @@ fn listed(text: &str) -> Vec<String> {
 }
 
 /// A column of the page with the names of a scene.
-fn named(column: &str, walls: &[String], parts: &[String], scalars: &[String]) -> Vec<String> {
+fn named(column: &str, names_of: &[(&str, Vec<String>)]) -> Vec<String> {
     let mut names = vec![column.to_owned()];
-    for (placeholder, of) in [("WALL", walls), ("PART", parts), ("SCALAR", scalars)] {
+    for (placeholder, of) in names_of {
         let put = |name: &String| -> Vec<String> {
             if name.contains(placeholder) {
                 of.iter().map(|word| name.replace(placeholder, &column_name(word))).collect()
@@ -95,6 +95,7 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
         "tracer/scene",
         "hopper/scene",
         "stirred-bed/scene",
+        "fed-hopper/scene",
     ] {
         let mut scene = Scene::read(&root().join("cases").join(format!("{case}.toml")), &[]).unwrap();
         for group in &mut scene.grains {
@@ -110,13 +111,25 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
             boundaries.chain(scene.droplet.iter().map(|droplet| droplet.boundary.clone())).collect();
         let scalars: Vec<String> =
             fluid.iter().flat_map(|fluid| &fluid.scalars).map(|scalar| scalar.name.clone()).collect();
+        let sources = scene.grains.iter().filter_map(|group| match &group.placement {
+            Placement::Source(source) => Some(source.name.clone()),
+            _ => None,
+        });
+        let sinks = scene.sinks.iter().map(|sink| sink.name.clone()).collect();
+        let names_of = [
+            ("WALL", walls),
+            ("PART", parts),
+            ("SCALAR", scalars),
+            ("SOURCE", sources.collect()),
+            ("SINK", sinks),
+        ];
         let mut simulation = Simulation::new(&scene).unwrap_or_else(|error| panic!("{case}: {error}"));
         simulation.refresh().unwrap();
         let written = readings(&scene.output, 0.0, &simulation.view(), &simulation.readings());
         let written: BTreeSet<String> = written.into_iter().map(|(name, _)| name.into_owned()).collect();
         let mut explained = BTreeSet::new();
         for row in &rows {
-            let columns = named(row, &walls, &parts, &scalars);
+            let columns = named(row, &names_of);
             if columns.iter().any(|column| written.contains(column)) {
                 met.insert(row.clone());
             }

@@ -370,7 +370,11 @@ fn grains_may_grow_in_number_by_a_hundred_times_during_a_run() {
         backends.iter_mut().for_each(|backend| backend.set_mesh(&fluid.mesh, 1, &start).unwrap());
         for (number, count) in (1..).zip([50, 5_000, 70, 5_000]) {
             let (points, voidage) = crowd(&fluid.mesh, count);
-            let immersed = Some(Immersed { points: &points, voidage: &voidage });
+            // In every second step solid volume comes in and goes.
+            let coming: Vec<f64> =
+                (0..fluid.mesh.points.len()).map(|node| (0.3 * node as f64).sin()).collect();
+            let source = (number % 2 == 0).then_some(&coming[..]);
+            let immersed = Some(Immersed { points: &points, voidage: &voidage, source });
             let (time, conditions) = (1e-3 * (number - 1) as f64, &fluid.conditions[..]);
             let step = FluidStep { number, time, dt: 1e-3, immersed, conditions, motion: None };
             let [ours, theirs] = backends.each_mut().map(|backend| {

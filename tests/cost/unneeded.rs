@@ -116,6 +116,7 @@ fn without_fluid_there_is_no_mesh() {
     }
     let coupled = simulation.coupled();
     assert!(coupled.fluid().is_none() && coupled.interaction().is_none());
+    assert!(coupled.passage.is_none());
     let phases = simulation.totals().phases;
     let others = phases.named().into_iter().filter(|(name, _)| *name != "contacts");
     assert!(others.map(|(_, seconds)| seconds).sum::<f64>() == 0.0, "{phases:?}");

@@ -192,7 +192,7 @@ fn a_box_that_moves_with_all_that_is_in_it_is_at_rest_in_itself() {
         number: 1,
         time: 0.0,
         dt,
-        immersed: Some(Immersed { points: &points, voidage: &load.voidage }),
+        immersed: Some(Immersed { points: &points, voidage: &load.voidage, source: None }),
         conditions: &set.conditions,
         motion: Some(MeshMotion { points: &mesh.points, velocity: &velocity }),
     };

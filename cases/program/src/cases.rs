@@ -6,15 +6,17 @@ use voidage_scene::Scene;
 
 /// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads another file, so that
 /// it runs in any folder.
-pub const CASES: [(&str, &str); 16] = [
+pub const CASES: [(&str, &str); 18] = [
     ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
     ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),
     ("bubbling-bed-quick", include_str!("../../bubbling-bed/scene-quick.toml")),
     ("cavity", include_str!("../../cavity/scene.toml")),
     ("column-collapse", include_str!("../../column-collapse/scene.toml")),
+    ("column-collapse-gate", include_str!("../../column-collapse/scene-gate.toml")),
     ("drag-laws", include_str!("../../drag-laws/scene.toml")),
     ("droplet-digging", include_str!("../../droplet-digging/scene.toml")),
     ("droplet-digging-quick", include_str!("../../droplet-digging/scene-quick.toml")),
+    ("fed-hopper", include_str!("../../fed-hopper/scene.toml")),
     ("force-chains", include_str!("../../force-chains/scene.toml")),
     ("hopper", include_str!("../../hopper/scene.toml")),
     ("mixed-bed", include_str!("../../mixed-bed/scene.toml")),

@@ -8,7 +8,7 @@ use voidage_campaign::process::catch_interrupts;
 use voidage_coupling::Result;
 use voidage_remote::launch::Host;
 use voidage_scene::recorder::check_averages;
-use voidage_scene::{Amount, MeshSource, Placement, Scene, Simulation};
+use voidage_scene::{Amount, MeshSource, Placement, Rate, Scene, Simulation};
 
 /// Checks a scene, builds what it describes, and prints its parts and sizes.
 pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
@@ -92,13 +92,25 @@ fn grains(scene: &Scene) {
                 }
                 None => format!("{mass} kg/m"),
             },
+            (Amount::Fill, Placement::Source(source)) => match source.rate {
+                Rate::Grains(rate) => format!("{rate} a second"),
+                Rate::Mass(rate) => format!("{rate} kg/s per m"),
+            },
+            (Amount::Fill, Placement::State(state)) => format!("those of {}", state.file.display()),
             (Amount::Fill, Placement::Csv(csv)) => format!("all of {}", csv.file.display()),
             (Amount::Fill, _) => "as many as its place holds".to_owned(),
         };
         let held = if group.fixed { ", held in place" } else { "" };
-        line("grains", format!("{amount} of {}{held}", group.material));
+        let from = match &group.placement {
+            Placement::Source(source) => format!(", let in by the source \"{}\"", source.name),
+            _ => String::new(),
+        };
+        line("grains", format!("{amount} of {}{held}{from}", group.material));
     }
     line("  walls", scene.walls.len());
+    if !scene.sinks.is_empty() {
+        line("  sinks", scene.sinks.len());
+    }
     let contacts = scene.contacts.as_ref();
     line("  rotation", if contacts.is_some_and(|contacts| contacts.rotation) { "on" } else { "off" });
     line("  heat", if scene.grains_have_heat() { "on" } else { "off" });

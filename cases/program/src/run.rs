@@ -329,7 +329,7 @@ impl Run {
             }
             progress.show(step, || News {
                 time: self.simulation.time(),
-                grains: self.summary.grains,
+                grains: self.simulation.coupled().grains().map_or(0, |grains| grains.particles.len()),
                 contacts: report.grains.map_or(0, |grains| grains.contacts),
                 residual: report.residual(),
             });

@@ -137,6 +137,14 @@ impl Sizes {
     }
 
     fn grains(&mut self, scene: &Scene, grains: &Particles<2>) {
+        match grains.is_empty() {
+            true => self.line("grains", "none at the start".into()),
+            false => self.grains_there(grains),
+        }
+        self.groups(scene, grains.len());
+    }
+
+    fn grains_there(&mut self, grains: &Particles<2>) {
         let (least, most) = diameters(grains);
         let moving = grains.mass.iter().filter(|mass| mass.is_finite());
         let (count, mass) = (grains.len(), moving.sum::<f64>());
@@ -155,6 +163,9 @@ impl Sizes {
                 Short(upper[1])
             ),
         );
+    }
+
+    fn groups(&mut self, scene: &Scene, count: usize) {
         for (i, group) in scene.grains.iter().enumerate() {
             let Some(radius) = &group.radius else { continue };
             let diameter = 2.0 * radius.largest();

@@ -16,7 +16,7 @@ use voidage_coupling::closure::{Surroundings, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Error, Result};
 use voidage_dem::packing::{Amount, Fill, Lattice, Radii, Region, lattice};
-use voidage_dem::{Dem, Load, Material, Motion, Particles, Settings, Wall};
+use voidage_dem::{Dem, Load, Material, Particles, Settings, Wall};
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
 use voidage_verification::models::{FluidSet, Vec2, bisect, grid};
 
@@ -246,15 +246,7 @@ impl Bed {
             [corner(0.0, 0.0), corner(0.0, height)],
             [corner(width, 0.0), corner(width, height)],
         ];
-        let wall = |points| Wall {
-            name: "box".into(),
-            points,
-            friction: 0.0,
-            restitution: 0.0,
-            motion: Motion::Fixed,
-            temperature: None,
-            conductivity: None,
-        };
+        let wall = |[from, to]: [Vec2; 2]| Wall::new("box", from, to);
         let gravity = Vec2::new(0.0, -self.gravity());
         let settings = Settings { gravity, tolerance, max_substeps: SUBSTEPS, ..Settings::default() };
         Ok(Dem::new(particles, walls.map(wall).to_vec(), vec![material.clone()], settings)?)

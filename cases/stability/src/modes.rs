@@ -9,7 +9,7 @@ use voidage_campaign::Effort;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
-use voidage_dem::{Dem, Load, Material, Motion, Settings, Wall};
+use voidage_dem::{Dem, Load, Material, Settings, Wall};
 use voidage_fluid::Mesh;
 use voidage_fluid::conditions::{Condition, FlowCondition, ScalarCondition};
 use voidage_fluid::transport::Scalar;
@@ -236,15 +236,7 @@ fn fluid() -> FluidSet {
 /// A short wall that a grain rests on.
 fn floor(place: &Vec2) -> Wall<2> {
     let end = |side: f64| place + Vec2::new(side * RADIUS, -RADIUS);
-    Wall {
-        name: "floor".into(),
-        points: [end(-1.0), end(1.0)],
-        friction: 10.0,
-        restitution: 0.0,
-        motion: Motion::Fixed,
-        temperature: None,
-        conductivity: None,
-    }
+    Wall { friction: 10.0, ..Wall::new("floor", end(-1.0), end(1.0)) }
 }
 
 /// Steps of a mode at most, and the size, as a share of the first, below which it is not followed any longer.

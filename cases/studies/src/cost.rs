@@ -56,9 +56,11 @@ fn count(group: &Grains) -> f64 {
         Placement::Deposit(place) => area(&place.lower, &place.upper),
         Placement::Lattice(place) => area(&place.lower, &place.upper),
         Placement::Random(place) => area(&place.lower, &place.upper),
-        Placement::Csv(_) => return OF_A_FILE,
+        Placement::Csv(_) | Placement::State(_) => return OF_A_FILE,
         // Counted by `amount`, which these have.
         Placement::With(_) => return OF_A_FILE,
+        // As many as the box holds, at least.
+        Placement::Source(place) => area(&place.lower, &place.upper),
     };
     let disc = group.radius.as_ref().map_or(1.0, |radius| 4.0 * radius.smallest() * radius.largest());
     match group.amount {

@@ -161,16 +161,16 @@ impl Peer {
             self.expected.nodes = frame.header().rows as usize;
             self.cells = frame.header().cells as usize;
         }
-        let (mut points, mut motion) = (None, None);
+        let (mut points, mut source, mut motion) = (None, None, None);
         if frame.kind() == Kind::Step {
             let step = read_step::<2>(frame.header(), frame.payload()).map_err(exception)?;
-            (points, motion) = (step.points, step.motion);
+            (points, source, motion) = (step.points, step.source, step.motion);
             if let Some(conditions) = step.conditions {
                 self.expected.follow(&conditions);
             }
         }
         let Expected { nodes, scalars, .. } = self.expected;
-        Ok(Frame { frame, points, motion, nodes, scalars, cells: self.cells })
+        Ok(Frame { frame, points, source, motion, nodes, scalars, cells: self.cells })
     }
 }
 
@@ -180,6 +180,7 @@ impl Peer {
 pub struct Frame {
     frame: transport::Frame,
     points: Option<(TableLayout, Range<usize>)>,
+    source: Option<Range<usize>>,
     motion: Option<MotionLayout>,
     nodes: usize,
     scalars: usize,
@@ -264,13 +265,12 @@ impl Frame {
 
     /// A copy of the nodal voidage of a step (n,); None without grains.
     fn voidage<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let Some((_, voidage)) = &self.points else { return Ok(None) };
-        let numbers = self.payload()[voidage.clone()].to_vec();
-        if numbers.len() != self.nodes {
-            let text = format!("the step has voidage at {} of {} nodes", numbers.len(), self.nodes);
-            return Err(PyRuntimeError::new_err(text));
-        }
-        Copied { numbers, width: 1 }.into_array(py).map(Some)
+        self.nodal(py, self.points.as_ref().map(|(_, voidage)| voidage), "voidage")
+    }
+
+    /// A copy of the nodal source of the equation of mass of a step, 1/s, (n,); None where no solid volume comes in.
+    fn source<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        self.nodal(py, self.source.as_ref(), "a source")
     }
 
     /// Copies of the places of the nodes at the end of a step and of their velocities, (n, 2) each; None if the mesh stands
@@ -290,6 +290,22 @@ impl Frame {
     /// The numbers of the payload.
     pub fn payload(&self) -> &[f64] {
         self.frame.payload()
+    }
+
+    /// A copy of a nodal column of a step.
+    fn nodal<'py>(
+        &self,
+        py: Python<'py>,
+        range: Option<&Range<usize>>,
+        name: &str,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(range) = range else { return Ok(None) };
+        let numbers = self.payload()[range.clone()].to_vec();
+        if numbers.len() != self.nodes {
+            let text = format!("the step has {name} at {} of {} nodes", numbers.len(), self.nodes);
+            return Err(PyRuntimeError::new_err(text));
+        }
+        Copied { numbers, width: 1 }.into_array(py).map(Some)
     }
 
     /// Whole numbers that must be cells of the mesh.

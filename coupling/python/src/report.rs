@@ -23,6 +23,7 @@ pub fn dictionary<'py>(py: Python<'py>, report: &StepReport) -> PyResult<Bound<'
         ("momentum_exchange_defect", report.momentum_exchange_defect),
         ("energy_exchange_defect", report.energy_exchange_defect),
         ("solid_volume_defect", report.solid_volume_defect),
+        ("solid_volume_in", report.appeared),
     ];
     for (name, defect) in defects {
         if let Some(defect) = defect {

@@ -83,7 +83,9 @@ impl FluidBackend<2> for PythonFluid {
             let points = step.immersed.map(|immersed| point_arrays(py, immersed.points)).transpose()?;
             let voidage = step.immersed.map(|immersed| Column::from(immersed.voidage).into_array(py));
             let motion = step.motion.as_ref().map(|motion| motion_arrays(py, motion)).transpose()?;
-            let arguments = (step.dt, conditions, points, voidage.transpose()?, motion);
+            let source = step.immersed.and_then(|immersed| immersed.source);
+            let source = source.map(|source| Column::from(source).into_array(py)).transpose()?;
+            let arguments = (step.dt, conditions, points, voidage.transpose()?, motion, source);
             self.expected.read(&driver.call_method1("solve", arguments)?, out)
         })
     }

@@ -297,6 +297,9 @@ class Frame:
         of None or (coefficient, mobility, value), (q) each. Numbers of cells are copied."""
     def voidage(self) -> _Floats | None:
         """A copy of the nodal voidage of a step (n,); None without points."""
+    def source(self) -> _Floats | None:
+        """A copy of the nodal source of the equation of mass of a step, 1/s, (n); None where no
+        solid volume comes in."""
     def motion(self) -> tuple[_Floats, _Floats] | None:
         """Copies of the places of the nodes at the end of a step and of their velocities, (n, 2)
         each; None if the mesh stands still."""

@@ -35,6 +35,7 @@ from .solver import (
     Scalar,
     Solution,
     Solver,
+    Sources,
     Step,
 )
 
@@ -181,8 +182,10 @@ class Driver:
         points: Mapping[str, Any] | None,
         voidage: Floats | None,
         motion: tuple[Floats, Floats] | None,
+        source: Floats | None = None,
     ) -> Solution:
-        """Solves a step; ``described`` are its conditions as JSON, empty if they are the old."""
+        """Solves a step; ``described`` are its conditions as JSON, empty if they are the old;
+        ``source`` is that of the equation of mass."""
         if described:
             self.conditions = conditions(json.loads(described))
         step = Step(
@@ -191,6 +194,7 @@ class Driver:
             np.ones(len(self.mesh[0])) if voidage is None else voidage,
             None if points is None else immersed(points),
             motion=None if motion is None else Motion(*motion),
+            sources=None if source is None else self._sources(source),
         )
         solution = self.solver.solve(step)
         if not isinstance(solution, Solution):
@@ -198,6 +202,12 @@ class Driver:
                 f"`solve` returned {type(solution).__name__}, it must return a Solution"
             )
         return solution
+
+    def _sources(self, mass: Floats) -> Sources:
+        nodes, scalars = len(mass), len(self.setup["scalars"])
+        dimension = np.shape(self.mesh[0])[1]
+        nothing = np.zeros(nodes)
+        return Sources(np.zeros((nodes, dimension)), np.asarray(mass), (nothing,) * scalars)
 
     def accept(self) -> None:
         """Accepts the last solution."""
@@ -284,7 +294,7 @@ class Server:
         self.ranks.call("restart", frame.fields())
 
     def _step(self, frame) -> Solution:
-        step = (frame.dt, frame.text, frame.points(), frame.voidage(), frame.motion())
+        step = (frame.dt, frame.text, frame.points(), frame.voidage(), frame.motion(), frame.source())
         return self.ranks.call("solve", *step)
 
 

@@ -268,12 +268,12 @@ class Motion:
 
 @dataclass(frozen=True)
 class Sources:
-    """Nodal sources per volume, for manufactured solutions."""
+    """Nodal sources per volume: of solid volume that comes in, and for manufactured solutions."""
 
     momentum: Floats
     """N/m3, (n, D)."""
     mass: Floats
-    """Over the density, 1/s, (n)."""
+    """Over the density; of grains the volume that comes in by time, 1/s, (n)."""
     scalars: tuple[Floats, ...]
     """W/m3 for heat, (n) each."""
 

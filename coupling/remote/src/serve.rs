@@ -95,7 +95,7 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
     fn solve(&mut self, frame: &Frame, peer: &mut Peer) -> Result<()> {
         self.accept(frame);
         let header = frame.header();
-        let StepLayout { points, motion, conditions } = read_step(header, frame.payload())?;
+        let StepLayout { points, source, motion, conditions } = read_step(header, frame.payload())?;
         self.conditions = conditions.unwrap_or(std::mem::take(&mut self.conditions));
         let mesh = self.mesh.as_ref().ok_or_else(no_mesh)?;
         if let Some((place, voidage)) = &points {
@@ -110,8 +110,11 @@ impl<const D: usize, F: FluidBackend<D>> Server<D, F> {
             number: header.step,
             time: header.time,
             dt: header.dt,
-            immersed: points
-                .map(|(_, voidage)| Immersed { points: &self.points, voidage: &frame.payload()[voidage] }),
+            immersed: points.map(|(_, voidage)| Immersed {
+                points: &self.points,
+                voidage: &frame.payload()[voidage],
+                source: source.map(|source| &frame.payload()[source]),
+            }),
             conditions: &self.conditions,
             motion: motion.is_some().then_some(MeshMotion { points: &places, velocity: &velocity }),
         };

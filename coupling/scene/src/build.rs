@@ -2,7 +2,7 @@
 
 use crate as scene;
 use crate::Scene;
-use crate::placing::{Placed, Placing};
+use crate::placing::{self, Placed, Placing};
 use voidage_coupling::backend::{FluidBackend, Model, RustFluid};
 use voidage_coupling::closure::ThermalFluid;
 use voidage_coupling::droplet::wet::Water;
@@ -12,7 +12,11 @@ use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::motion::Oscillation;
 use voidage_coupling::remesh::Remesher;
 use voidage_coupling::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
-use voidage_dem::{ContactForce, Dem, Material, Motion, Pair, Particles, Partner, Settings, Side, Wall};
+use voidage_dem::packing::Radii;
+use voidage_dem::{
+    ContactForce, Dem, Material, Motion, Mouth, Pair, Particles, Partner, Passage, Rate, Settings, Side,
+    Sink, Source, Wall,
+};
 use voidage_fluid::body::{Blowing, Body, BodyMotion};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::{Numerics, State};
@@ -55,7 +59,41 @@ pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<C
         (None, Some(fluid), _) => System::Fluid(Box::new(fluid)),
         (None, None, _) => return Err(Error::input("the scene has neither grains nor a fluid")),
     };
-    Ok(Coupled::new(system, coupling.scheme.build(&coupling.iteration, coupling.cut)))
+    let mut coupled = Coupled::new(system, coupling.scheme.build(&coupling.iteration, coupling.cut));
+    coupled.passage = coupled.grains().and_then(|grains| passage(scene, grains)).map(Box::new);
+    Ok(coupled)
+}
+
+/// The sources and sinks of a scene; none if it has none.
+fn passage(scene: &Scene, grains: &Dem<2>) -> Option<Passage<2>> {
+    let sources = scene.grains.iter().enumerate().filter_map(|(k, group)| {
+        let scene::Placement::Source(source) = &group.placement else { return None };
+        Some(Source {
+            name: source.name.clone(),
+            region: placing::region(&source.lower, &source.upper),
+            radii: group.radius.as_ref().map_or(Radii::List(vec![]), placing::radii),
+            material: k as u8,
+            rate: match source.rate {
+                scene::Rate::Grains(rate) => Rate::Grains(rate),
+                scene::Rate::Mass(rate) => Rate::Mass(rate),
+            },
+            amount: placing::amount(&group.amount),
+            velocity: group.velocity.as_ref().map_or_else(Vector::zeros, |v| v.vector()),
+            temperature: group.temperature.unwrap_or_default(),
+            during: [source.start, source.end.unwrap_or(f64::INFINITY)],
+            seed: source.seed,
+        })
+    });
+    let sinks = scene.sinks.iter().map(|sink| Sink {
+        name: sink.name.clone(),
+        mouth: match sink.from.is_empty() {
+            true => Mouth::Region(placing::region(&sink.lower, &sink.upper)),
+            false => Mouth::Line([sink.from.vector(), sink.to.vector()]),
+        },
+        during: [sink.start, sink.end.unwrap_or(f64::INFINITY)],
+    });
+    let passage = Passage::new(sources.collect(), sinks.collect(), &grains.particles);
+    (!passage.is_empty()).then_some(passage)
 }
 
 fn interaction(
@@ -64,37 +102,102 @@ fn interaction(
     fluid: &Fluid<2>,
     described: &scene::Fluid,
 ) -> Result<Interaction<2>> {
-    let thermal =
-        described.heat.as_ref().filter(|_| grains.particles.heat.is_some()).map(|heat| ThermalFluid {
-            conductivity: heat.conductivity,
-            prandtl: heat.heat_capacity * described.viscosity / heat.conductivity,
-        });
-    let laws = Laws {
-        drag: coupling.drag,
-        voidage_function: coupling.voidage_function,
-        heat: coupling.heat.unwrap_or_default(),
-        density: described.density,
-        viscosity: described.viscosity,
-        thermal,
-    };
+    let laws = laws(coupling, grains, described);
     let count = grains.particles.len();
     let at = AtGrains {
         velocity: vec![initial_velocity(described); count],
         pressure_gradient: vec![Vector::zeros(); count],
-        temperature: match (&thermal, &described.heat) {
+        temperature: match (&laws.thermal, &described.heat) {
             (Some(_), Some(heat)) => vec![heat.initial_temperature; count],
             _ => Vec::new(),
         },
     };
     let interaction = Interaction::new(laws, &fluid.mesh, grains, at)?;
+    let sticks_below = sticks_below(coupling, fluid)?;
+    Ok(Interaction { heat_tolerance: described.solver.tolerance, sticks_below, ..interaction })
+}
+
+/// The laws of the exchange.
+fn laws(coupling: &scene::Coupling, grains: &Dem<2>, described: &scene::Fluid) -> Laws {
+    let heat = described.heat.as_ref().filter(|_| grains.particles.heat.is_some());
+    Laws {
+        drag: coupling.drag,
+        voidage_function: coupling.voidage_function,
+        heat: coupling.heat.unwrap_or_default(),
+        density: described.density,
+        viscosity: described.viscosity,
+        thermal: heat.map(|heat| ThermalFluid {
+            conductivity: heat.conductivity,
+            prandtl: heat.heat_capacity * described.viscosity / heat.conductivity,
+        }),
+    }
+}
+
+/// Scalars by number, and the values below which contacts may stick.
+fn sticks_below(coupling: &scene::Coupling, fluid: &Fluid<2>) -> Result<Vec<(usize, f64)>> {
     let number = |name: &String| fluid.scalars.iter().position(|scalar| scalar == name);
     let sticks_below = coupling.cohesion_below.iter().map(|(name, bound)| {
         let unknown =
             || Error::input(format!("`coupling.cohesion_below.{name}`: the fluid has no such scalar"));
         Ok((number(name).ok_or_else(unknown)?, *bound))
     });
-    let sticks_below = sticks_below.collect::<Result<_>>()?;
-    Ok(Interaction { heat_tolerance: described.solver.tolerance, sticks_below, ..interaction })
+    sticks_below.collect()
+}
+
+/// Whether two scenes are coupled by schemes that differ.
+pub(crate) fn other_scheme(one: &Scene, other: &Scene) -> bool {
+    let of = |scene: &Scene| {
+        let coupling = scene.coupling.clone().unwrap_or_default();
+        format!("{:?} {:?} {:?}", coupling.scheme, coupling.iteration, coupling.cut)
+    };
+    of(one) != of(other)
+}
+
+/// Lets a system go on under the laws of another scene of the same parts, as after a restart; with its coupling scheme,
+/// if `scheme`.
+///
+/// # Errors
+/// Laws that do not fit the parts; the fluid solver cannot be reached.
+pub(crate) fn change(coupled: &mut Coupled<2>, scene: &Scene, scheme: bool) -> Result<()> {
+    let coupling = scene.coupling.clone().unwrap_or_default();
+    if let Some(grains) = coupled.grains_mut() {
+        let contacts = scene.contacts.clone().unwrap_or_default();
+        let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect();
+        grains.change(walls, materials(scene), settings(scene, &contacts))?;
+    }
+    let passed = coupled.passage.take().map(|passage| passage.state().clone());
+    coupled.passage = coupled.grains().and_then(|grains| passage(scene, grains)).map(Box::new);
+    if let (Some(passage), Some(passed)) = (&mut coupled.passage, passed) {
+        passage.restore(passed);
+    }
+    if let (Some(mixture), Some(described)) = (coupled.mixture_mut(), &scene.fluid) {
+        mixture.interaction.laws = laws(&coupling, &mixture.grains, described);
+        mixture.interaction.sticks_below = sticks_below(&coupling, &mixture.fluid)?;
+    }
+    if let (Some(fluid), Some(described)) = (coupled.fluid_mut(), &scene.fluid) {
+        fluid.conditions = conditions(scene, described);
+        fluid.schedules = schedules(described);
+        if let Some(droplet) = &mut fluid.droplet {
+            let water = &mut droplet.material.water;
+            water.drag = coupling.drag;
+            (water.heat, water.voidage_function) =
+                (coupling.heat.unwrap_or_default(), coupling.voidage_function);
+            if droplet.state.gone {
+                fluid.conditions.retain(|condition| condition.boundary != droplet.boundary);
+            }
+        }
+        // As at a restart, nothing of earlier steps influences the solver.
+        fluid.start()?;
+    }
+    if scheme {
+        coupled.set_scheme(coupling.scheme.build(&coupling.iteration, coupling.cut));
+    }
+    Ok(())
+}
+
+/// The materials of the groups.
+fn materials(scene: &Scene) -> Vec<Material> {
+    scene.grains.iter().map(|group| material(&scene.materials[&group.material], group.solidity)).collect()
 }
 
 fn initial_velocity(fluid: &scene::Fluid) -> Vector<2> {
@@ -108,9 +211,7 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
     let contacts = scene.contacts.clone().unwrap_or_default();
     let walls = scene.walls.iter().map(|wall| self::wall(scene, wall)).collect();
     if let Some(given) = placing.given.take() {
-        let of = |group: &scene::Grains| material(&scene.materials[&group.material], group.solidity);
-        let materials = scene.grains.iter().map(of).collect();
-        return Ok(Dem::new(given, walls, materials, settings(scene, &contacts))?);
+        return Ok(Dem::new(given, walls, materials(scene), settings(scene, &contacts))?);
     }
     let mut materials = Vec::new();
     let (mut all, mut forces) = (Particles::<2>::default(), vec![]);
@@ -121,9 +222,18 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
         };
         materials.push(material(described, group.solidity));
     }
+    let (mut turning, mut numbers) = (voidage_dem::Rotation::default(), vec![]);
     for k in 0..scene.grains.len() {
-        let Placed { grains: mut placed, forces: of_bed } = placing.place(scene, k, &materials)?;
+        let Placed { grains: mut placed, forces: of_bed, before } = placing.place(scene, k, &materials)?;
         let first = all.len() as u32;
+        numbers.push((all.len(), before));
+        let count = placed.len();
+        let still = || vec![0.0; count];
+        let own = placed.rotation.take();
+        let own =
+            own.unwrap_or_else(|| voidage_dem::Rotation { spin: still(), angle: still(), inertia: still() });
+        turning.spin.extend(own.spin);
+        turning.angle.extend(own.angle);
         forces.extend(of_bed.into_iter().map(|f| ContactForce {
             grain: first + f.grain,
             partner: match f.partner {
@@ -166,7 +276,11 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
     scene.check_apart(&all)?;
     if contacts.rotation {
         all = all.rotating();
+        if let Some(rotation) = &mut all.rotation {
+            (rotation.spin, rotation.angle) = (turning.spin, turning.angle);
+        }
     }
+    forces.extend(placing::contacts_of_states(scene, &numbers)?);
     let mut dem = Dem::new(all, walls, materials, settings(scene, &contacts))?;
     if !forces.is_empty() {
         dem.start_from(&forces);
@@ -210,6 +324,7 @@ pub fn wall(scene: &Scene, described: &scene::Wall) -> Wall<2> {
         restitution: described.restitution.or(material.map(|m| m.restitution)).unwrap_or(0.0),
         conductivity: material.and_then(|m| m.conductivity),
         temperature: described.temperature,
+        until: described.until,
         motion,
         ..wall
     }
@@ -280,6 +395,7 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
     let names = scalars(described).into_iter().map(|scalar| scalar.name).collect();
     let mut fluid = Fluid::new(backend(scene, host)?, mesh, start, names, conditions(scene, described))?;
     fluid.ramp = described.ramp;
+    fluid.schedules = schedules(described);
     if let (Some(droplet), Some(of)) = (droplet, &scene.droplet) {
         fluid.droplet = Some(Box::new(droplet));
         fluid.remesher =
@@ -393,6 +509,14 @@ fn numerics(fluid: &scene::Fluid) -> Numerics {
         newton: fluid.solver.newton,
         flow: Options { method, tolerance, ..default.flow },
         scalars: Options { tolerance, ..default.scalars },
+    }
+}
+
+/// The schedules of the boundaries; nothing where none has one.
+fn schedules(fluid: &scene::Fluid) -> Vec<Vec<[f64; 2]>> {
+    match fluid.boundaries.iter().all(|boundary| boundary.schedule.is_empty()) {
+        true => vec![],
+        false => fluid.boundaries.iter().map(|boundary| boundary.schedule.clone()).collect(),
     }
 }
 

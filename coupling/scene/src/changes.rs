@@ -14,6 +14,7 @@ use voidage_coupling::error::{Error, Notice, Result};
 const MAY_CHANGE: &[&str] = &[
     "gravity",
     "time.step",
+    "events",
     "materials.*.friction",
     "materials.*.restitution",
     "materials.*.conductivity",
@@ -21,6 +22,7 @@ const MAY_CHANGE: &[&str] = &[
     "walls.*.restitution",
     "walls.*.material",
     "walls.*.temperature",
+    "walls.*.until",
     "contacts.tolerance",
     "contacts.max_sweeps",
     "contacts.interior",
@@ -29,6 +31,17 @@ const MAY_CHANGE: &[&str] = &[
     "contacts.cohesion.force",
     "contacts.pairs.*.friction",
     "contacts.pairs.*.restitution",
+    "grains.*.placement.source.rate",
+    "grains.*.placement.source.start",
+    "grains.*.placement.source.end",
+    "grains.*.placement.source.lower",
+    "grains.*.placement.source.upper",
+    "sinks.*.from",
+    "sinks.*.to",
+    "sinks.*.lower",
+    "sinks.*.upper",
+    "sinks.*.start",
+    "sinks.*.end",
     "coupling.scheme",
     "coupling.iteration",
     "coupling.cut",
@@ -41,6 +54,7 @@ const MAY_CHANGE: &[&str] = &[
     "fluid.thin_cell",
     "fluid.ramp",
     "fluid.boundaries.*.flow",
+    "fluid.boundaries.*.schedule",
     "fluid.boundaries.*.heat",
     "fluid.boundaries.*.scalars",
     "fluid.heat.heat_capacity",
@@ -73,10 +87,15 @@ impl fmt::Display for Change {
 }
 
 impl Change {
-    /// Whether a run can go on with it.
+    /// Whether a run can go on with it from a checkpoint.
     fn is_allowed(&self) -> bool {
+        self.is_among(MAY_CHANGE)
+    }
+
+    /// Whether it is of one of these keys, or of a table of them.
+    pub(crate) fn is_among(&self, keys: &[&str]) -> bool {
         let parts: Vec<&str> = self.key.split('.').collect();
-        MAY_CHANGE.iter().any(|key| {
+        keys.iter().any(|key| {
             let allowed = key.split('.');
             allowed.clone().count() <= parts.len() && allowed.zip(&parts).all(|(a, b)| a == "*" || a == *b)
         })
@@ -98,7 +117,7 @@ fn flatten(value: &Value, key: String, into: &mut BTreeMap<String, String>) {
 }
 
 /// What differs between two scenes, in order of the keys.
-fn differences(before: &str, now: &str) -> Result<Vec<Change>> {
+pub(crate) fn differences(before: &str, now: &str) -> Result<Vec<Change>> {
     let read = |text: &str| -> Result<BTreeMap<String, String>> {
         let table: toml::Table = text.parse().map_err(|error| {
             Error::input(Notice::new(

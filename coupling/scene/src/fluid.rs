@@ -153,6 +153,11 @@ pub struct Boundary {
     /// Condition of the flow: `{velocity = [..]}`, `{superficial_velocity = [..]}`, `"no-slip"`, `"slip"` or
     /// `{open = {pressure = 0.0}}`, in short `"open"`.
     pub flow: Flow,
+    /// Rows `[time, factor]`: a prescribed velocity is multiplied by the factor, which is linear between rows and
+    /// constant before the first and
+    /// after the last. Default: none, the velocity stays.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub schedule: Vec<[f64; 2]>,
     /// Condition of the temperature: `{temperature = T}`, `{newton = {coefficient = h, temperature = T}}`,
     /// `"adiabatic"` or `{open = {temperature = T}}`. Default: adiabatic.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -39,23 +39,27 @@ pub struct Grains {
     /// Name of one of the materials.
     pub material: String,
     /// Radius, m: `{constant = r}`, in short `r`, `{uniform = [smallest, largest]}`, or a law of sizes by number or
-    /// by mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file, which has its
-    /// own.
+    /// by mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file or a state,
+    /// which have
+    /// their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
     /// Share of the disc that is solid, above 0 up to 1: in a fluid 0.8165 makes the densest bed of discs as dense as one of
     /// spheres. Default 1.
     #[serde(default = "one")]
     pub solidity: f64,
-    /// How many: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`. Default `"fill"`.
+    /// How many: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`; of a source how many in
+    /// all.
+    /// Default `"fill"`, of a source without end.
     #[serde(default)]
     pub amount: Amount,
     /// Where they start.
     pub placement: Placement,
-    /// Velocity at the start, m/s. Default: at rest.
+    /// Velocity at the start, or of grains that a source lets in, m/s. Default: at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<Coordinates>,
-    /// Temperature at the start, K. Default: grains have no temperature; all groups have one or none has.
+    /// Temperature at the start, or of grains that a source lets in, K. Default: grains have no temperature; all groups
+    /// have one or none has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
     /// Held in place: the grains never move. Default false.
@@ -186,6 +190,89 @@ pub enum Placement {
     /// Poured together with the grains of an earlier group, mixed at random: the number of that group, counted from
     /// 0. Both say by count or mass how many they are.
     With(usize),
+    /// As another run left them: places, radii, velocities, spins, temperatures and contacts.
+    State(StateFile),
+    /// Let in while the run goes on, at random places of a box where they overlap neither grains nor walls. A grain
+    /// that finds no place
+    /// waits, and the run says so.
+    Source(GrainSource),
+}
+
+/// The grains of a checkpoint of another run, as the start of this one.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StateFile {
+    /// Checkpoint of any run with grains, such as `out/NAME/checkpoint.voidage`, path relative to the scene. Contacts
+    /// with walls are taken
+    /// over where a wall has the same name in both.
+    pub file: PathBuf,
+    /// Number of the group of that run, counted from 0. Default: all its grains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<u8>,
+    /// Whether the grains begin at rest. Default false: with the velocities and spins that they had.
+    #[serde(default)]
+    pub still: bool,
+}
+
+/// A box in which grains appear while the run goes on. A fluid in it is told of the volume that they take.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GrainSource {
+    /// Name, for messages and for the columns of series.csv.
+    pub name: String,
+    /// Lower corner of the box that holds the whole grains, m.
+    pub lower: Coordinates,
+    /// Upper corner of the box that holds the whole grains, m.
+    pub upper: Coordinates,
+    /// How much comes in by time: `{grains = n}` (1/s) or `{mass = m}` (kg/s; kg/s per m of depth in the plane).
+    pub rate: Rate,
+    /// Time at which it begins, s. Default 0.
+    #[serde(default)]
+    pub start: f64,
+    /// Time at which it ends, s. Default: never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end: Option<f64>,
+    /// Seed of sizes and places. Default 1.
+    #[serde(default = "first_seed")]
+    pub seed: u64,
+}
+
+/// How much a source lets in by time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rate {
+    /// Grains per second. Above 0.
+    Grains(f64),
+    /// Mass per second, kg/s (kg/s per m of depth in the plane). Above 0.
+    Mass(f64),
+}
+
+/// Takes grains out of the run: those whose centres cross a line, or are in a box at the end of a step. A fluid there
+/// is told of the volume
+/// that it gets back.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sink {
+    /// Name, for messages and for the columns of series.csv.
+    pub name: String,
+    /// First end of the line, m. With `to`, or `lower` and `upper` instead of both.
+    #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
+    pub from: Coordinates,
+    /// Second end of the line, m.
+    #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
+    pub to: Coordinates,
+    /// Lower corner of the box, m.
+    #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
+    pub lower: Coordinates,
+    /// Upper corner of the box, m.
+    #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
+    pub upper: Coordinates,
+    /// Time at which it begins, s. Default 0.
+    #[serde(default)]
+    pub start: f64,
+    /// Time at which it ends, s. Default: never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end: Option<f64>,
 }
 
 /// A box into which grains are poured from above, on its floor, between its sides and on the walls in it (as they stand at
@@ -312,6 +399,9 @@ pub struct Wall {
     /// Temperature, K. Default: none, no heat passes between the wall and grains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
+    /// Time at which it vanishes, s: a gate that is gone at once. Default: never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until: Option<f64>,
     /// How it moves. Default: not at all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,

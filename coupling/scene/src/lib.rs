@@ -13,6 +13,7 @@ pub mod compare;
 pub mod document;
 mod droplet;
 mod edit;
+mod events;
 mod fluid;
 mod grains;
 pub mod network;
@@ -35,9 +36,9 @@ pub use fluid::{
     MeshMotion, MeshSource, ScalarBoundary, ThinCell, ThinCellHeat,
 };
 pub use grains::{
-    Amount, Arrangement, By, Contacts, Deposit, Grains, GrainsFile, Lattice, LogNormal, Material, Method,
-    Motion, MotionTable, Oscillation, Pair, Placement, Radius, RandomBox, RosinRammler, Rotation, Sieve,
-    Wall,
+    Amount, Arrangement, By, Contacts, Deposit, GrainSource, Grains, GrainsFile, Lattice, LogNormal,
+    Material, Method, Motion, MotionTable, Oscillation, Pair, Placement, Radius, RandomBox, Rate,
+    RosinRammler, Rotation, Sieve, Sink, StateFile, Wall,
 };
 pub use origin::Origin;
 pub use output::{Average, Output, PressureDrop};
@@ -73,6 +74,9 @@ pub struct Scene {
     /// Groups of grains, in the order in which they are numbered. Default: none, and then nothing of the grains is built.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grains: Vec<Grains>,
+    /// Where grains leave the run; they do so through open boundaries of the fluid too. Default: nowhere else.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sinks: Vec<Sink>,
     /// Walls that the grains meet (the fluid has its own boundaries). Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub walls: Vec<Wall>,
@@ -88,6 +92,9 @@ pub struct Scene {
     /// How grains and fluid act on each other. Default: the defaults of its keys when there are grains and a fluid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling: Option<Coupling>,
+    /// Keys that change while the run goes on. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<Event>,
     /// What the run records. Default: the defaults of its keys.
     #[serde(default)]
     pub output: Output,
@@ -115,6 +122,18 @@ impl Coordinates {
     pub fn vector<const D: usize>(&self) -> nalgebra::SVector<f64, D> {
         nalgebra::SVector::from_fn(|i, _| self.0.get(i).copied().unwrap_or(0.0))
     }
+}
+
+/// Keys that change at a time: as if the run were stopped then, and went on with these changes.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Event {
+    /// When, s; the step that starts then or next is the first with the changes. Above 0; times of events increase.
+    pub time: f64,
+    /// Changes `"KEY=VALUE"`, written as for `voidage run --set`: friction, restitution, cohesion, sources and sinks,
+    /// schemes, laws of the exchange,
+    /// conditions at boundaries of the fluid.
+    pub set: Vec<String>,
 }
 
 /// Step and end of the run.

@@ -2,14 +2,14 @@
 
 use crate as scene;
 use crate::build;
-use crate::recorder::{create_folder, write_whole};
+use crate::recorder::{self, Checkpoint, create_folder, write_whole};
 use crate::{Coordinates, Placement, Scene};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use voidage_coupling::error::{Error, Result};
+use voidage_coupling::error::{Error, Notice, Result};
 use voidage_dem::packing::{self, Amount, By, Fill, Progress, Radii, Region, Settled, SizeLaw};
 use voidage_dem::{ContactForce, Material, Particles, Partner, Settings, Vector, Wall};
 
@@ -63,6 +63,8 @@ impl fmt::Display for Bed {
 pub(crate) struct Placed {
     pub grains: Particles<2>,
     pub forces: Vec<ContactForce<2>>,
+    /// Numbers that grains of a state had there; empty of others.
+    pub before: Vec<u32>,
 }
 
 /// What is kept beside the tables of a bed.
@@ -138,15 +140,18 @@ impl<'a> Placing<'a> {
                 };
                 return self.bed(scene, k, d, &fill);
             }
-            Placement::With(_) => return Ok(Placed { grains: Particles::default(), forces: vec![] }),
+            Placement::With(_) | Placement::Source(_) => {
+                return Ok(Placed { grains: Particles::default(), forces: vec![], before: vec![] });
+            }
             Placement::Lattice(l) => {
                 packing::lattice(&region(&l.lower, &l.upper), kind(l), l.spacing, &fill(l.seed))
             }
             Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed), observer),
             Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
+            Placement::State(state) => return handed_over(scene, k, state, materials),
         };
         let grains = placed.map_err(|error| wrong(scene, k, error))?;
-        Ok(Placed { grains, forces: vec![] })
+        Ok(Placed { grains, forces: vec![], before: vec![] })
     }
 
     /// A bed, kept or new.
@@ -165,13 +170,121 @@ impl<'a> Placing<'a> {
         let at_rest = d.settle.then_some(at_rest);
         let grains = particles.len();
         let bed = Bed { group: k, grains, solid_fraction, at_rest, steps, speed, taken_from: None };
-        let placed = Placed { grains: particles, forces };
+        let placed = Placed { grains: particles, forces, before: vec![] };
         if let Some(file) = &file {
             keep(file, hash, &bed, &placed)?;
         }
         self.beds.push(bed);
         Ok(placed)
     }
+}
+
+/// The state of the grains in a file, and the names of the walls that they met.
+fn read_state(file: &Path) -> Result<(voidage_dem::State<2>, Vec<String>)> {
+    #[derive(Deserialize)]
+    struct Named {
+        name: String,
+    }
+    #[derive(Deserialize)]
+    struct Walls {
+        #[serde(default)]
+        walls: Vec<Named>,
+    }
+    let checkpoint = Checkpoint::open(file)?;
+    let kept: recorder::Kept = checkpoint.recorder()?;
+    let walls: Walls = toml::from_str(&kept.course).map_err(|error| {
+        Error::input(format!("{}: the scene in it cannot be read: {error}", file.display()))
+    })?;
+    match checkpoint.state::<crate::simulation::State>()?.grains {
+        Some(grains) => Ok((grains, walls.walls.into_iter().map(|wall| wall.name).collect())),
+        None => Err(Error::input(format!("{}: the run had no grains", file.display()))),
+    }
+}
+
+/// The grains of a group as another run left them; their contacts are those of [`contacts_of_states`].
+fn handed_over(scene: &Scene, k: usize, state: &scene::StateFile, materials: &[Material]) -> Result<Placed> {
+    let path = format!("grains[{k}].placement.state");
+    let wrong = |what: String, help: &str| scene.error(&path, format!("`{path}`: {what}"), help);
+    let (there, _) = read_state(&state.file).map_err(|error| {
+        let Notice { what, help } = error.notice();
+        wrong(what, &help)
+    })?;
+    let particles = there.particles;
+    let before: Vec<u32> = (0..particles.len() as u32)
+        .filter(|i| state.group.is_none_or(|group| particles.material[*i as usize] == group))
+        .collect();
+    if before.is_empty() {
+        let groups = particles.material.iter().max().map_or(0, |last| usize::from(*last) + 1);
+        let group = state.group.map_or(String::new(), |group| format!("group = {group}: "));
+        return Err(wrong(
+            format!("{group}{} has no grains of it", state.file.display()),
+            &format!("give a group below {groups}, or another file"),
+        ));
+    }
+    let pick = |column: &[f64]| -> Vec<f64> { before.iter().map(|i| column[*i as usize]).collect() };
+    let vectors =
+        |column: &[Vector<2>]| -> Vec<Vector<2>> { before.iter().map(|i| column[*i as usize]).collect() };
+    let material = vec![k as u8; before.len()];
+    let mut grains =
+        Particles::new(vectors(&particles.position), pick(&particles.radius), material, materials)?;
+    if !state.still {
+        grains.velocity = vectors(&particles.velocity);
+    }
+    if let (Some(heat), Some(_)) = (&particles.heat, scene.grains[k].temperature) {
+        grains = grains.heated(0.0, materials)?;
+        grains.heat.iter_mut().for_each(|own| own.temperature = pick(&heat.temperature));
+    }
+    if let Some(rotation) = &particles.rotation {
+        grains = grains.rotating();
+        if let Some(own) = &mut grains.rotation {
+            own.angle = pick(&rotation.angle);
+            if !state.still {
+                own.spin = pick(&rotation.spin);
+            }
+        }
+    }
+    Ok(Placed { grains, forces: vec![], before })
+}
+
+/// The contacts among grains of states, and with walls of the same name; `numbers` has of each group its first grain
+/// and those that its
+/// grains had before.
+pub(crate) fn contacts_of_states(
+    scene: &Scene,
+    numbers: &[(usize, Vec<u32>)],
+) -> Result<Vec<ContactForce<2>>> {
+    let mut files: Vec<&Path> = vec![];
+    for group in &scene.grains {
+        if let Placement::State(state) = &group.placement
+            && !files.contains(&state.file.as_path())
+        {
+            files.push(&state.file);
+        }
+    }
+    let mut forces = vec![];
+    for file in files {
+        let (state, walls) = read_state(file)?;
+        let mut now: Vec<Option<u32>> = vec![None; state.particles.len()];
+        for (group, (first, before)) in scene.grains.iter().zip(numbers) {
+            if matches!(&group.placement, Placement::State(of) if of.file == file) {
+                for (k, i) in before.iter().enumerate() {
+                    now[*i as usize] = Some((first + k) as u32);
+                }
+            }
+        }
+        let wall = |number: u32| {
+            let name = walls.get(number as usize)?;
+            scene.walls.iter().position(|wall| wall.name == *name).map(|wall| Partner::Wall(wall as u32))
+        };
+        forces.extend(state.forces().filter_map(|force| {
+            let partner = match force.partner {
+                Partner::Grain(other) => Partner::Grain(now[other as usize]?),
+                Partner::Wall(number) => wall(number)?,
+            };
+            Some(ContactForce { grain: now[force.grain as usize]?, partner, ..force })
+        }));
+    }
+    Ok(forces)
 }
 
 /// How a bed of the scene is deposited.
@@ -186,7 +299,8 @@ fn deposit(scene: &Scene, d: &scene::Deposit) -> packing::Deposit {
         },
         friction: d.friction,
         rotation: contacts.rotation,
-        walls: scene.walls.iter().map(|wall| build::wall(scene, wall)).collect(),
+        // Settling takes a time of its own, in which no gate vanishes.
+        walls: scene.walls.iter().map(|wall| Wall { until: None, ..build::wall(scene, wall) }).collect(),
         // Grains that settle need no accurate forces on the way.
         settings: Settings { max_sweeps: settings.max_sweeps.min(default.settings.max_sweeps), ..settings },
         max_steps: if d.settle { default.max_steps } else { 0 },
@@ -206,17 +320,17 @@ pub(crate) fn check(scene: &Scene, k: usize) -> Result<()> {
             packing::check_deposit(&region(&d.lower, &d.upper), &mixed)
         }
         Placement::Deposit(d) => packing::check_deposit(&region(&d.lower, &d.upper), &fill(d.seed)),
-        Placement::With(_) => Ok(()),
+        Placement::With(_) | Placement::Source(_) => Ok(()),
         Placement::Lattice(l) => {
             packing::check_lattice(&region(&l.lower, &l.upper), kind(l), l.spacing, &fill(l.seed))
         }
         Placement::Random(r) => packing::check_random(&region(&r.lower, &r.upper), &fill(r.seed)),
-        Placement::Csv(_) => Ok(()),
+        Placement::Csv(_) | Placement::State(_) => Ok(()),
     };
     checked.map_err(|error| wrong(scene, k, error))
 }
 
-fn region(lower: &Coordinates, upper: &Coordinates) -> Region<2> {
+pub(crate) fn region(lower: &Coordinates, upper: &Coordinates) -> Region<2> {
     Region { low: lower.vector(), high: upper.vector() }
 }
 
@@ -258,7 +372,7 @@ impl scene::Radius {
 
 /// The law of the radii of a group. Laws that mean nothing were refused before: a table that cannot be made is empty,
 /// which no fill takes.
-fn radii(radius: &scene::Radius) -> Radii {
+pub(crate) fn radii(radius: &scene::Radius) -> Radii {
     let by = |by: scene::By| match by {
         scene::By::Number => By::Number,
         scene::By::Mass => By::Mass,
@@ -281,6 +395,15 @@ fn radii(radius: &scene::Radius) -> Radii {
     Radii::by_law::<2>(&law.0, by(law.1), bounds).unwrap_or(Radii::List(vec![]))
 }
 
+/// How many grains a group has.
+pub(crate) fn amount(amount: &scene::Amount) -> Amount {
+    match *amount {
+        scene::Amount::Count(count) => Amount::Count(count),
+        scene::Amount::Mass(mass) => Amount::Mass(mass),
+        scene::Amount::Fill => Amount::Fill,
+    }
+}
+
 /// What to fill a region with, by the seed.
 fn fill<'a>(
     group: &scene::Grains,
@@ -288,11 +411,7 @@ fn fill<'a>(
     materials: &'a [Material],
 ) -> impl Fn(u64) -> Fill<'a> + use<'a> {
     let radii = group.radius.as_ref().map_or(Radii::List(Vec::new()), radii);
-    let amount = match group.amount {
-        scene::Amount::Count(count) => Amount::Count(count),
-        scene::Amount::Mass(mass) => Amount::Mass(mass),
-        scene::Amount::Fill => Amount::Fill,
-    };
+    let amount = amount(&group.amount);
     move |seed| Fill { radii: radii.clone(), amount, material, materials, seed }
 }
 
@@ -359,10 +478,11 @@ fn take(table: &Path, hash: &str, fill: &Fill<'_>) -> Option<(Bed, Placed)> {
     let mut reader = csv::Reader::from_path(table_of_forces(table)).ok()?;
     let force = |row: Row| {
         let partner = row.other_grain.map(Partner::Grain).or(row.wall.map(Partner::Wall))?;
-        Some(ContactForce { grain: row.grain, partner, force: Vector::<2>::new(row.force_x, row.force_y) })
+        let force = Vector::<2>::new(row.force_x, row.force_y);
+        Some(ContactForce { grain: row.grain, partner, force, age: 0.0 })
     };
     let forces = reader.deserialize().map(|row| force(row.ok()?)).collect::<Option<_>>()?;
-    Some((kept.bed, Placed { grains, forces }))
+    Some((kept.bed, Placed { grains, forces, before: vec![] }))
 }
 
 /// Keeps a bed; the tables first, so that the label never speaks of another one.

@@ -50,6 +50,7 @@ impl Scene {
         check::walls(&scene)?;
         scene.lay_walls()?;
         check::values(&scene)?;
+        scene.check_events()?;
         Ok(scene)
     }
 
@@ -115,6 +116,7 @@ impl Scene {
         });
         let grains = self.grains.iter_mut().filter_map(|group| match &mut group.placement {
             Placement::Csv(csv) => Some(&mut csv.file),
+            Placement::State(state) => Some(&mut state.file),
             _ => None,
         });
         grains.chain(mesh)

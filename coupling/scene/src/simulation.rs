@@ -13,8 +13,8 @@ use voidage_coupling::droplet::{Droplet, DropletState};
 use voidage_coupling::error::{Error, Notice, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::remesh::RemeshState;
-use voidage_coupling::{Agreement, Carried, Coupled, Fluid, StepReport, TEMPERATURE};
-use voidage_dem::Rounded;
+use voidage_coupling::{Agreement, Appearing, Carried, Coupled, Fluid, StepReport, System, TEMPERATURE};
+use voidage_dem::{PassageState, Passed, Rounded};
 use voidage_fluid::Vector;
 use voidage_fluid::balance::Balance;
 use voidage_fluid::flow;
@@ -38,6 +38,34 @@ pub struct Simulation {
     /// Times since which contacts carry a force; empty unless contacts are recorded.
     since: Since,
     network: Option<Network>,
+    /// Events that have not taken place yet, the last first.
+    events: Vec<Coming>,
+}
+
+/// An event of the scene.
+struct Coming {
+    /// Steps that go before it.
+    after: u64,
+    /// The scene from then on.
+    scene: Scene,
+    /// Whether the coupling scheme is another one.
+    scheme: bool,
+}
+
+impl Coming {
+    /// The events of a scene, the last first.
+    fn of(scene: &Scene) -> Result<Vec<Self>> {
+        let mut events = vec![];
+        let mut before = scene.before_step(0)?;
+        for event in &scene.events {
+            let after = scene.step_of(event);
+            let now = scene.before_step(after)?;
+            events.push(Self { after, scheme: build::other_scheme(&before, &now), scene: now.clone() });
+            before = now;
+        }
+        events.reverse();
+        Ok(events)
+    }
 }
 
 /// All that a run needs to go on as if it had never stopped.
@@ -45,13 +73,15 @@ pub struct Simulation {
 pub struct State {
     time: f64,
     steps: u64,
-    grains: Option<voidage_dem::State<2>>,
+    pub(crate) grains: Option<voidage_dem::State<2>>,
     fluid: Option<flow::State<2>>,
     remeshed: Option<RemeshState<2>>,
     droplet: Option<DropletState<2>>,
     at: Option<AtGrains<2>>,
     carried: Option<Carried<2>>,
-    departed: u64,
+    departed: (u64, f64),
+    appearing: Option<Appearing<2>>,
+    passed: Option<PassageState>,
     /// Of the grains at time zero.
     bed_weight_per_area: Option<f64>,
     surface: f64,
@@ -91,7 +121,8 @@ impl Simulation {
         let max_penetration = scene.contacts.clone().unwrap_or_default().max_penetration;
         let surface = coupled.grains().map_or(0.0, |grains| {
             let tops = grains.particles.position.iter().zip(&grains.particles.radius);
-            tops.map(|(x, radius)| x[1] + radius).fold(f64::NEG_INFINITY, f64::max)
+            // Without grains yet it is at zero.
+            tops.map(|(x, radius)| x[1] + radius).reduce(f64::max).unwrap_or(0.0)
         });
         let gas = scene.fluid.as_ref().map_or((0.0, 0.0), |fluid| {
             let capacity = fluid.heat.as_ref().map_or(0.0, |heat| heat.heat_capacity);
@@ -111,6 +142,7 @@ impl Simulation {
             output,
             since,
             network,
+            events: Coming::of(scene)?,
         })
     }
 
@@ -145,6 +177,7 @@ impl Simulation {
             return Err(Error::input(Notice::new(what, "give a `time.step` that divides that time")));
         }
         (self.bed_weight_per_area, self.surface) = (state.bed_weight_per_area, state.surface);
+        self.change_laws(steps as u64, |event, steps| event.after < steps)?;
         let coupled = &mut self.coupled;
         coupled.set_time(state.time, steps as u64);
         if let (Some(fluid), Some(droplet)) = (coupled.fluid_mut(), state.droplet) {
@@ -167,7 +200,12 @@ impl Simulation {
         if let (Some(interaction), Some(at)) = (coupled.interaction_mut(), state.at) {
             interaction.at = at;
             interaction.carried = state.carried;
-            interaction.departed = state.departed;
+            interaction.departed = state.departed.0;
+            interaction.departed_mass = state.departed.1;
+            interaction.appearing = state.appearing.unwrap_or_default();
+        }
+        if let (Some(passage), Some(passed)) = (&mut coupled.passage, state.passed) {
+            passage.restore(passed);
         }
         self.since = state.since;
         Ok(self)
@@ -229,7 +267,7 @@ impl Simulation {
 
     /// What has to be said of the steps of this process that fell short of something, a line each.
     pub fn shortcomings(&self) -> Vec<String> {
-        self.totals.shortcomings(|wall| self.wall_name(wall))
+        self.totals.shortcomings(|wall| self.wall_name(wall), |source| self.source_name(source))
     }
 
     /// What to tell of the last step, where it is the first to fall short in some way.
@@ -239,11 +277,24 @@ impl Simulation {
         if totals.disagreeing.is_some_and(|tally| tally.first == step) {
             remarks.extend(self.last.agreement.as_ref().and_then(Agreement::complaint));
         }
+        if let Some((source, grains)) = self.last.waiting.filter(|_| totals.waiting.first == step) {
+            let name = self.source_name(source);
+            let what = format!("source {name:?} finds no free place: {grains} grains that are due wait");
+            remarks.push(Notice::new(
+                what,
+                "give it a larger box, a higher velocity or a lower rate, if that is not meant",
+            ));
+        }
         if let Some(overlap) = Overlap::deepest(&self.last).filter(|_| totals.penetrating.first == step) {
             let names = overlap.names(|wall| self.wall_name(wall));
             remarks.push(format!("{names} overlap by {:.2} of a radius", overlap.depth).into());
         }
         remarks
+    }
+
+    fn source_name(&self, number: usize) -> &str {
+        let passage = self.coupled.passage.as_ref();
+        passage.and_then(|passage| passage.sources.get(number)).map_or("", |source| &source.name)
     }
 
     fn wall_name(&self, number: u32) -> &str {
@@ -258,6 +309,8 @@ impl Simulation {
     /// into each other or into walls than the scene allows: that step is done.
     pub fn step(&mut self) -> Result<StepReport> {
         let (step, time) = (self.steps() + 1, self.time());
+        self.change_laws(step - 1, |event, steps| event.after <= steps)
+            .map_err(|error| in_step(step, time, error))?;
         let report = self.coupled.step(self.dt).map_err(|error| in_step(step, time, error))?;
         self.last = report;
         self.totals.add(step, &report);
@@ -268,6 +321,19 @@ impl Simulation {
             Some(overlap) => Err(Error::Penetration(self.too_deep(overlap))),
             None => Ok(report),
         }
+    }
+
+    /// Lets the events take place that are due after so many steps.
+    fn change_laws(&mut self, steps: u64, due: impl Fn(&Coming, u64) -> bool) -> Result<()> {
+        let mut scheme = false;
+        while let Some(event) = self.events.pop_if(|event| due(event, steps)) {
+            scheme |= event.scheme;
+            // The last one has the changes of all.
+            if self.events.last().is_none_or(|next| !due(next, steps)) {
+                build::change(&mut self.coupled, &event.scene, scheme)?;
+            }
+        }
+        Ok(())
     }
 
     /// Puts what has added up over the steps into a summary.
@@ -379,6 +445,7 @@ impl Simulation {
             }
             readings.extend_from_slice(self.network.as_ref().map_or(&[], Network::readings));
         }
+        self.passage_readings(&mut readings);
         if let Some(fluid) = self.coupled.fluid() {
             let report = last.fluid.unwrap_or_default();
             readings.push(("linear_iterations".into(), report.flow_iterations as f64));
@@ -397,6 +464,8 @@ impl Simulation {
                 ("carried_impulse_share".into(), agreement.carried),
                 ("grains".into(), interaction.force.len() as f64),
                 ("grains_left".into(), interaction.departed as f64),
+                ("mass_left_kg_per_m".into(), interaction.departed_mass),
+                ("solid_inflow_m2_per_s".into(), last.appeared.unwrap_or_default() / self.dt),
                 ("solid_volume_defect".into(), last.solid_volume_defect.unwrap_or_default()),
                 ("momentum_exchange_defect".into(), last.momentum_exchange_defect.unwrap_or_default()),
             ]);
@@ -407,6 +476,32 @@ impl Simulation {
             }
         }
         readings
+    }
+
+    /// What passed sources and sinks.
+    fn passage_readings(&self, readings: &mut Vec<Reading>) {
+        let Some(passage) = &self.coupled.passage else { return };
+        if let System::Grains(grains, _) = &self.coupled.system {
+            readings.push(("grains".into(), grains.particles.len() as f64));
+        }
+        let mut add = |kind: &str, name: &str, passed: &Passed| {
+            let name = column_name(name);
+            readings.extend([
+                (format!("{kind}_{name}_grains").into(), passed.grains as f64),
+                (format!("{kind}_{name}_mass_kg_per_m").into(), passed.mass),
+                (format!("{kind}_{name}_mass_flow_kg_per_s_per_m").into(), passed.last / self.dt),
+            ]);
+        };
+        for (source, fed) in passage.sources.iter().zip(&passage.state().fed) {
+            add("source", &source.name, &fed.passed);
+        }
+        for (sink, taken) in passage.sinks.iter().zip(&passage.state().taken) {
+            add("sink", &sink.name, taken);
+        }
+        for (source, fed) in passage.sources.iter().zip(&passage.state().fed) {
+            readings
+                .push((format!("source_{}_waiting", column_name(&source.name)).into(), fed.waiting as f64));
+        }
     }
 
     /// What interpolation to new meshes has changed since time zero, where the domain is remeshed.
@@ -485,7 +580,9 @@ impl Simulation {
             droplet: coupled.fluid().and_then(|fluid| fluid.droplet.as_ref()).map(|d| d.state.clone()),
             at: coupled.interaction().map(|interaction| interaction.at.clone()),
             carried: coupled.interaction().and_then(|interaction| interaction.carried.clone()),
-            departed: coupled.interaction().map_or(0, |interaction| interaction.departed),
+            departed: coupled.interaction().map_or((0, 0.0), |i| (i.departed, i.departed_mass)),
+            appearing: coupled.interaction().map(|interaction| interaction.appearing.clone()),
+            passed: coupled.passage.as_ref().map(|passage| passage.state().clone()),
             bed_weight_per_area: self.bed_weight_per_area,
             surface: self.surface,
             since: self.since.clone(),

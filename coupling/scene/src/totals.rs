@@ -27,6 +27,10 @@ pub struct Totals {
     pub remeshings: u64,
     /// Steps in which grains and fluid did not agree within the tolerance; their disagreement. With both only.
     pub disagreeing: Option<Tally>,
+    /// Steps in which grains that were due found no place; the most of one source.
+    pub waiting: Tally,
+    /// The source of most of them, by number.
+    pub slowest: usize,
     /// Largest [`StepReport::momentum_exchange_defect`].
     pub momentum_exchange_defect: Option<f64>,
     /// Largest [`StepReport::energy_exchange_defect`].
@@ -101,6 +105,10 @@ impl Totals {
                 disagreeing.add(step, agreement.disagreement.max(agreement.heat_disagreement));
             }
         }
+        if let Some((source, grains)) = report.waiting {
+            self.slowest = if grains as f64 > self.waiting.worst { source } else { self.slowest };
+            self.waiting.add(step, grains as f64);
+        }
         if let Some(overlap) = Overlap::deepest(report) {
             if overlap.depth > DEEP {
                 self.penetrating.add(step, overlap.depth);
@@ -115,8 +123,13 @@ impl Totals {
         raise(&mut self.solid_volume_defect, report.solid_volume_defect);
     }
 
-    /// What the steps did not bring, a line each; nothing if all is well. `wall` gives the name of a wall.
-    pub fn shortcomings<'a>(&self, wall: impl Fn(u32) -> &'a str) -> Vec<String> {
+    /// What the steps did not bring, a line each; nothing if all is well. `wall` gives the name of a wall, `source`
+    /// that of a source.
+    pub fn shortcomings<'a>(
+        &self,
+        wall: impl Fn(u32) -> &'a str,
+        source: impl Fn(usize) -> &'a str,
+    ) -> Vec<String> {
         let of = |tally: &Tally| format!("{} of {} steps", tally.steps, self.steps);
         let mut lines = Vec::new();
         if self.unconverged.steps > 0 {
@@ -124,6 +137,14 @@ impl Totals {
             lines.push(format!(
                 "{} did not reach the contact tolerance (worst residual {worst:.1e}, first at step {first})",
                 of(&self.unconverged)
+            ));
+        }
+        if self.waiting.steps > 0 {
+            let Tally { worst, first, .. } = self.waiting;
+            lines.push(format!(
+                "{}: grains that were due waited for a free place, at most {worst} of source {:?}, first at step {first}",
+                of(&self.waiting),
+                source(self.slowest)
             ));
         }
         if let Some(tally) = self.disagreeing.filter(|tally| tally.steps > 0) {
@@ -165,12 +186,12 @@ mod tests {
     fn shortcomings_are_counted_and_the_worst_is_named() {
         let mut totals = Totals::default();
         totals.add(1, &step(0.01, Partner::Grain(3), true));
-        assert!(totals.shortcomings(|_| "lid").is_empty());
+        assert!(totals.shortcomings(|_| "lid", |_| "feed").is_empty());
         totals.add(2, &step(0.06, Partner::Grain(3), false));
         totals.add(3, &step(0.31, Partner::Wall(0), false));
         totals.add(4, &step(0.04, Partner::Grain(4), false));
         assert_eq!(
-            totals.shortcomings(|_| "lid"),
+            totals.shortcomings(|_| "lid", |_| "feed"),
             [
                 "3 of 4 steps did not reach the contact tolerance (worst residual 3.1e-1, first at step 2)",
                 "largest penetration 0.31 of a radius, at step 3 between grain 17 and wall \"lid\"; 2 of 4 steps above 0.05"

@@ -8,7 +8,7 @@ mod disc;
 mod tests;
 mod voidage;
 
-pub use voidage::{LEAST_VOIDAGE, density, voidage};
+pub use voidage::{LEAST_VOIDAGE, density, spread, voidage};
 
 use crate::exchange::Pieces;
 use disc::Point;
@@ -131,7 +131,24 @@ impl<const D: usize> Overlap<D> {
         Ok(self.gather(pieces, inside))
     }
 
-    /// Grains that were wholly outside of the mesh in the last cut.
+    /// The pieces of other discs than the grains, and the share of each that lies in the mesh.
+    ///
+    /// # Errors
+    /// Those of [`Self::cut`].
+    pub fn pieces_of(
+        &mut self,
+        mesh: &Mesh<D>,
+        positions: &[Vector<D>],
+        radii: &[f64],
+    ) -> Result<(Pieces<D>, Vec<f64>)> {
+        let of_grains = (std::mem::take(&mut self.hints), std::mem::take(&mut self.outside));
+        let (mut pieces, mut inside) = (Pieces::default(), vec![]);
+        let cut = self.cut(mesh, positions, radii, &mut pieces, &mut inside);
+        (self.hints, self.outside) = of_grains;
+        cut.map(|_| (pieces, inside))
+    }
+
+    /// Grains that were wholly outside of the mesh in the last cut, in order.
     pub fn outside(&self) -> &[u32] {
         &self.outside
     }

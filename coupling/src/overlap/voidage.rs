@@ -41,7 +41,7 @@ pub fn density<const D: usize>(
 }
 
 /// Gives each node its part of what bodies have, piece by piece.
-fn spread<const D: usize>(mesh: &Mesh<D>, pieces: &Pieces<D>, amount: &[f64], out: &mut Vec<f64>) {
+pub fn spread<const D: usize>(mesh: &Mesh<D>, pieces: &Pieces<D>, amount: &[f64], out: &mut Vec<f64>) {
     out.clear();
     out.resize(mesh.points.len(), 0.0);
     for (body, &amount) in amount.iter().enumerate() {

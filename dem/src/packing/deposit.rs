@@ -115,7 +115,7 @@ fn forces(dem: &Dem<2>, sides: usize) -> Vec<ContactForce<2>> {
                 Partner::Grain(_) => partner,
                 Partner::Wall(wall) => Partner::Wall(wall.checked_sub(sides as u32)?),
             };
-            Some(ContactForce { grain, partner, force })
+            Some(ContactForce { grain, partner, force, age: 0.0 })
         })
         .collect()
 }

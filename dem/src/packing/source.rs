@@ -58,11 +58,9 @@ impl<'a, const D: usize> Source<'a, D> {
 
     fn radius(&mut self) -> Option<f64> {
         match &self.fill.radii {
-            Radii::Constant(r) => Some(*r),
-            Radii::Uniform { min, max } => Some(min + (max - min) * self.rng.random::<f64>()),
-            Radii::Table { radius, share } => Some(quantile(radius, share, self.rng.random::<f64>())),
             Radii::List(list) => list.get(self.drawn).copied(),
             Radii::Mixed(list) => list.get(self.drawn).map(|grain| grain.0),
+            law => law.draw(&mut self.rng),
         }
     }
 
@@ -145,6 +143,16 @@ impl<'a, const D: usize> Source<'a, D> {
 }
 
 impl Radii {
+    /// A radius by the law, m; none of a list.
+    pub(crate) fn draw(&self, rng: &mut Pcg64) -> Option<f64> {
+        match self {
+            Self::Constant(r) => Some(*r),
+            Self::Uniform { min, max } => Some(min + (max - min) * rng.random::<f64>()),
+            Self::Table { radius, share } => Some(quantile(radius, share, rng.random::<f64>())),
+            Self::List(_) | Self::Mixed(_) => None,
+        }
+    }
+
     /// Mean area of the discs, m2, or volume of the spheres, m3.
     pub fn mean_volume<const D: usize>(&self) -> f64 {
         match self {

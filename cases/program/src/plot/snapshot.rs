@@ -309,12 +309,16 @@ pub fn chains(path: &Path, scene: &Scene, moment: &Moment) -> Result<bool> {
         plane.polygon(&corners, scale.colour(force));
     }
     if picture.fluid.is_none() {
-        let walls =
-            scene.walls.iter().map(|wall| wall_at(scene, wall).at(picture.time).map(<[f64; 2]>::from));
-        plane.lines(walls.collect())?;
+        plane.lines(standing(scene, picture.time))?;
     }
     plane.save()?;
     Ok(true)
+}
+
+/// The walls that are there at a time.
+fn standing(scene: &Scene, time: f64) -> Vec<[[f64; 2]; 2]> {
+    let walls = scene.walls.iter().map(|wall| wall_at(scene, wall)).filter(|wall| wall.stands(time));
+    walls.map(|wall| wall.at(time).map(<[f64; 2]>::from)).collect()
 }
 
 /// Draws a moment into the pane of a plane.
@@ -353,9 +357,8 @@ pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -
     if let Some(droplet) = &picture.droplet {
         plane.outline(droplet, RIM)?;
     }
-    let walls = scene.walls.iter().map(|wall| wall_at(scene, wall).at(picture.time).map(<[f64; 2]>::from));
     // On a boundary of the fluid its colour is seen on both sides of a wall.
-    plane.strokes(walls.collect(), BLACK, if picture.fluid.is_some() { 2 } else { 3 })
+    plane.strokes(standing(scene, picture.time), BLACK, if picture.fluid.is_some() { 2 } else { 3 })
 }
 
 /// Arrows of the velocity of the fluid on a square grid, as long as the grid is wide where it is fastest. Lengths go with the root of

@@ -6,13 +6,16 @@ use voidage_coupling::error::{Notice, PeerError};
 /// First bytes of every frame: `VOIDAGE.` as a little-endian number. A machine of the other byte order sees another.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"VOIDAGE.");
 /// Version of the protocol; both ends must have the same.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 /// Flag of a step or a state: the last solution is accepted, before anything else is done.
 pub const ACCEPT: u32 = 1;
 /// Flag of a step: the mesh moves, and the payload has the places and velocities of its nodes.
 pub const MOVES: u32 = 2;
 /// Flag of a step: there are grains, and the payload has point terms and voidage.
 pub const IMMERSED: u32 = 4;
+/// Flag of a step with grains: solid volume comes in, and the payload has the nodal source of the equation of mass
+/// behind the voidage.
+pub const APPEARS: u32 = 8;
 
 /// What a frame is. The grains ask, the fluid answers each question with one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +64,7 @@ pub struct Header {
     pub run: u64,
     /// Number of the mesh, from 1; 0 before the first.
     pub generation: u32,
-    /// [`ACCEPT`], [`MOVES`] and [`IMMERSED`], or 0.
+    /// [`ACCEPT`], [`MOVES`], [`IMMERSED`] and [`APPEARS`], or 0.
     pub flags: u32,
     /// Number of the step since time zero; the first is 1.
     pub step: u64,
@@ -156,6 +159,11 @@ impl Header {
     /// Whether there are grains in this step.
     pub fn immerses(&self) -> bool {
         self.flags & IMMERSED != 0
+    }
+
+    /// Whether solid volume comes in in this step.
+    pub fn appears(&self) -> bool {
+        self.flags & APPEARS != 0
     }
 
     /// Whether the mesh moves in this step.

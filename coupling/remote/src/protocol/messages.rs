@@ -6,7 +6,7 @@
 use super::columns::{PAD, POINT_SCALAR, POINTS, Table, TableLayout, wrong};
 use super::mesh::fields_at;
 use super::text::{numbers_for_text, write_text};
-use super::{ACCEPT, Header, IMMERSED, Kind, MOVES, MotionLayout, read_text};
+use super::{ACCEPT, APPEARS, Header, IMMERSED, Kind, MOVES, MotionLayout, read_text};
 use std::ops::Range;
 use voidage_coupling::backend::{FluidStep, Solution};
 use voidage_coupling::error::PeerError;
@@ -22,6 +22,7 @@ use voidage_fluid::flow::Report;
 pub struct StepMessage<'a, const D: usize> {
     step: &'a FluidStep<'a, D>,
     points: Option<(TableLayout, Range<usize>)>,
+    source: Option<Range<usize>>,
     motion: Option<MotionLayout>,
     /// The end of all of them.
     end: usize,
@@ -36,9 +37,11 @@ impl<'a, const D: usize> StepMessage<'a, D> {
             (place, place.end()..place.end() + immersed.voidage.len())
         });
         let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
+        let source = step.immersed.and_then(|immersed| immersed.source).map(|source| end..end + source.len());
+        let end = source.as_ref().map_or(end, |source| source.end);
         let motion = step.motion.map(|motion| MotionLayout::new(D, motion.points.len(), end));
         let end = motion.as_ref().map_or(end, |places| places.velocity.end);
-        Self { step, points, motion, end, conditions }
+        Self { step, points, source, motion, end, conditions }
     }
 
     /// Its header; `accept` accepts the solution before, `iteration` counts the solutions of this step.
@@ -46,8 +49,10 @@ impl<'a, const D: usize> StepMessage<'a, D> {
         let moving = self.step.motion.map_or(0, |motion| motion.points.len());
         let voidage = self.points.as_ref().map_or(0, |(_, voidage)| voidage.len());
         let flag = |there: bool, flag: u32| if there { flag } else { 0 };
-        let flags =
-            flag(accept, ACCEPT) | flag(self.motion.is_some(), MOVES) | flag(self.points.is_some(), IMMERSED);
+        let flags = flag(accept, ACCEPT)
+            | flag(self.motion.is_some(), MOVES)
+            | flag(self.points.is_some(), IMMERSED)
+            | flag(self.source.is_some(), APPEARS);
         let header = Header {
             nodes: moving.max(voidage) as u64,
             flags,
@@ -74,6 +79,9 @@ impl<'a, const D: usize> StepMessage<'a, D> {
         if let (Some((place, voidage)), Some(immersed)) = (&self.points, self.step.immersed) {
             place.write(immersed.points, payload);
             payload[voidage.clone()].copy_from_slice(immersed.voidage);
+            if let Some((place, source)) = self.source.clone().zip(immersed.source) {
+                payload[place].copy_from_slice(source);
+            }
         }
     }
 }
@@ -82,6 +90,8 @@ impl<'a, const D: usize> StepMessage<'a, D> {
 pub struct StepLayout<const D: usize> {
     /// Point terms and voidage; absent without grains.
     pub points: Option<(TableLayout, Range<usize>)>,
+    /// The nodal source of the equation of mass; absent where no solid volume comes in.
+    pub source: Option<Range<usize>>,
     /// The motion of the mesh; absent while it stands still.
     pub motion: Option<MotionLayout>,
     /// The conditions, if they are new.
@@ -103,6 +113,11 @@ pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<Ste
         points = Some((place, place.end()..end as usize));
     }
     let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
+    let source = header.appears().then(|| end..end.saturating_add(header.nodes as usize));
+    let end = source.as_ref().map_or(end, |source| source.end);
+    if end as u64 > header.length || (source.is_some() && points.is_none()) {
+        return wrong(format!("a source of mass up to {end} in {} numbers", header.length));
+    }
     let motion = MotionLayout::of(header, D, end)?;
     let end = motion.as_ref().map_or(end, |places| places.velocity.end);
     let text = read_text(header, payload)?;
@@ -110,10 +125,10 @@ pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<Ste
         return wrong("columns and text of a step overlap".into());
     }
     if text.is_empty() {
-        return Ok(StepLayout { points, motion, conditions: None });
+        return Ok(StepLayout { points, source, motion, conditions: None });
     }
     match serde_json::from_str(&text) {
-        Ok(conditions) => Ok(StepLayout { points, motion, conditions: Some(conditions) }),
+        Ok(conditions) => Ok(StepLayout { points, source, motion, conditions: Some(conditions) }),
         Err(error) => wrong(format!("the conditions of a step: {error}")),
     }
 }

@@ -12,7 +12,8 @@
 //! ```
 //!
 //! A step starts from the last accepted state, however often it is asked for; the flag [`ACCEPT`] on a step
-//! accepts the solution before it. Instead of an answer there may be an error with a text, and heartbeats
+//! accepts the solution before it, [`APPEARS`] says that it brings a source of mass. Instead of an answer there may be
+//! an error with a text, and heartbeats
 //! before it. Only the columns that a scene needs travel, and places and velocities of the nodes only if the mesh moves. All
 //! quantities are in SI units.
 
@@ -28,7 +29,7 @@ mod text;
 pub use columns::{
     Column, Described, FIELD_SCALAR, FIELDS, POINT_SCALAR, POINTS, Table, TableLayout, Values, ValuesMut,
 };
-pub use header::{ACCEPT, HEADER_BYTES, Header, IMMERSED, Kind, MAGIC, MOVES, VERSION};
+pub use header::{ACCEPT, APPEARS, HEADER_BYTES, Header, IMMERSED, Kind, MAGIC, MOVES, VERSION};
 pub use mesh::{MeshMessage, StateMessage, read_mesh, read_state};
 pub use messages::{SolutionMessage, StepLayout, StepMessage, longest_solution, read_solution, read_step};
 pub use motion::MotionLayout;

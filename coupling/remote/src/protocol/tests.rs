@@ -67,8 +67,8 @@ fn a_mesh_comes_back_as_it_was() {
 
 #[test]
 fn a_step_comes_back_as_it_was() {
-    let (points, voidage) = (points(5), vec![0.5; 4]);
-    let immersed = Some(Immersed { points: &points, voidage: &voidage });
+    let (points, voidage, source) = (points(5), vec![0.5; 4], [0.1, 0.2, 0.3, 0.4]);
+    let immersed = Some(Immersed { points: &points, voidage: &voidage, source: Some(&source) });
     let step = FluidStep { number: 3, time: 0.2, dt: 0.1, immersed, conditions: &[], motion: None };
     let message = StepMessage::new(&step, String::new());
     let header = message.header(true, 2);
@@ -79,6 +79,9 @@ fn a_step_comes_back_as_it_was() {
     assert!(parts.conditions.is_none() && parts.motion.is_none());
     let (place, theirs) = parts.points.expect("points");
     assert_eq!(payload[theirs], voidage);
+    assert_eq!(payload[parts.source.expect("a source")], source);
+    let cut_off = Header { length: header.length - 1, ..header };
+    assert!(read_step::<2>(&cut_off, &payload).is_err());
     let mut copy = Points::default();
     place.fill(header.scalars, 3, &payload, &mut copy).expect("points on a mesh of three cells");
     assert_eq!(copy, points);
@@ -91,7 +94,8 @@ fn a_step_without_grains_and_heat_carries_nothing_of_them() {
         FluidStep::<2> { number: 1, time: 0.0, dt: 0.1, immersed: None, conditions: &[], motion: None };
     assert_eq!(StepMessage::new(&step, String::new()).header(false, 0).length, 0);
     let (points, voidage) = (Points { scalars: vec![None], ..points(16) }, vec![0.5; 4]);
-    let step = FluidStep { immersed: Some(Immersed { points: &points, voidage: &voidage }), ..step };
+    let step =
+        FluidStep { immersed: Some(Immersed { points: &points, voidage: &voidage, source: None }), ..step };
     // Three vectors and five numbers for each point, and four nodes.
     let still = 11 * 16 + 4;
     let header = StepMessage::new(&step, String::new()).header(false, 0);
@@ -109,7 +113,7 @@ fn the_motion_of_a_mesh_comes_back_as_it_was_with_grains_and_without() {
     let velocity: Vec<_> = places.iter().map(|x| x * 3.0).collect();
     let motion = Some(MeshMotion { points: &places, velocity: &velocity });
     let (points, voidage) = (points(5), vec![0.5; 4]);
-    for immersed in [None, Some(Immersed { points: &points, voidage: &voidage })] {
+    for immersed in [None, Some(Immersed { points: &points, voidage: &voidage, source: None })] {
         let step = FluidStep { number: 1, time: 0.0, dt: 0.1, immersed, conditions: &[], motion };
         let message = StepMessage::new(&step, "[]".into());
         let header = message.header(false, 0);

@@ -133,6 +133,7 @@ fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary)
         }
         Flow::NoSlip | Flow::Slip | Flow::Open { .. } => {}
     }
+    check_schedule(scene, &format!("{path}.schedule"), boundary)?;
     let names: Vec<&str> = fluid.scalars.iter().map(|scalar| scalar.name.as_str()).collect();
     for (name, condition) in &boundary.scalars {
         let path = format!("{path}.scalars.{name}");
@@ -155,6 +156,28 @@ fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary)
             positive(scene, &format!("{path}.heat.newton.temperature"), *temperature)
         }
         HeatBoundary::Adiabatic => Ok(()),
+    }
+}
+
+fn check_schedule(scene: &Scene, path: &str, boundary: &Boundary) -> Checked {
+    if boundary.schedule.is_empty() {
+        return Ok(());
+    }
+    if !matches!(boundary.flow, Flow::Velocity(_) | Flow::SuperficialVelocity(_)) {
+        let message = format!("`{path}` is there, but no velocity is prescribed");
+        return fail(
+            scene,
+            path,
+            message,
+            "give the boundary a `velocity` or a `superficial_velocity`, or take it away",
+        );
+    }
+    match boundary.schedule.windows(2).find(|rows| rows[1][0] <= rows[0][0]) {
+        None => Ok(()),
+        Some(rows) => {
+            let message = format!("`{path}`: the time {} comes after {}", rows[1][0], rows[0][0]);
+            fail(scene, path, message, "give rows `[time, factor]` whose times increase")
+        }
     }
 }
 

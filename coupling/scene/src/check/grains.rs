@@ -98,7 +98,7 @@ fn check_group(scene: &Scene, path: &str, group: &Grains) -> Checked {
         }
         Amount::Count(_) | Amount::Fill => {}
     }
-    let in_file = matches!(group.placement, Placement::Csv(_));
+    let in_file = matches!(group.placement, Placement::Csv(_) | Placement::State(_));
     if in_file && group.amount != Amount::Fill {
         let message = format!("`{path}.amount` is there, but the grains come from a file");
         return fail(
@@ -108,20 +108,22 @@ fn check_group(scene: &Scene, path: &str, group: &Grains) -> Checked {
             "take it away: all grains of the file are used",
         );
     }
-    if group.fixed && matches!(group.placement, Placement::Deposit(_) | Placement::With(_)) {
+    if group.fixed
+        && matches!(group.placement, Placement::Deposit(_) | Placement::With(_) | Placement::Source(_))
+    {
         let help = "place fixed grains on a lattice, at random or from a file";
-        let message = format!("`{path}.fixed = true`: grains that are poured cannot be fixed");
+        let message = format!("`{path}.fixed = true`: grains that are poured or let in cannot be fixed");
         return fail(scene, &format!("{path}.fixed"), message, help);
     }
     Ok(())
 }
 
 fn check_radius(scene: &Scene, path: &str, group: &Grains) -> Checked {
-    let in_file = matches!(group.placement, Placement::Csv(_));
+    let in_file = matches!(group.placement, Placement::Csv(_) | Placement::State(_));
     match &group.radius {
         Some(_) if in_file => {
             let message = format!("`{path}.radius` is there, but the grains come from a file");
-            fail(scene, &format!("{path}.radius"), message, "take it away: radii are in column r of the file")
+            fail(scene, &format!("{path}.radius"), message, "take it away: radii are in the file")
         }
         Some(Radius::Constant(radius)) => positive(scene, &format!("{path}.radius.constant"), *radius),
         Some(Radius::Uniform([low, high])) => {
@@ -284,6 +286,7 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
     wall.restitution
         .map_or(Ok(()), |value| within(scene, &format!("{path}.restitution"), value, 0.0, 1.0))?;
     wall.temperature.map_or(Ok(()), |value| positive(scene, &format!("{path}.temperature"), value))?;
+    wall.until.map_or(Ok(()), |value| positive(scene, &format!("{path}.until"), value))?;
     match &wall.motion {
         None => Ok(()),
         Some(Motion::Velocity(velocity)) => coordinates(scene, &format!("{path}.motion.velocity"), velocity),
@@ -399,6 +402,18 @@ fn check_places(scene: &Scene) -> Checked {
                 place.friction.map_or(Ok(()), |friction| not_negative(scene, &key, friction))?;
             }
             Placement::With(_) => {}
+            Placement::State(state) => {
+                if !state.file.is_file() {
+                    let key = format!("{path}.state.file");
+                    let message = format!("`{key}`: there is no file {}", state.file.display());
+                    let help =
+                        "run the scene that leaves it first; paths are relative to the folder of the scene";
+                    return fail(scene, &key, message, help);
+                }
+            }
+            Placement::Source(place) => {
+                check_box(scene, &format!("{path}.source"), &place.lower.0, &place.upper.0)?
+            }
             Placement::Random(place) => {
                 check_box(scene, &format!("{path}.random"), &place.lower.0, &place.upper.0)?
             }
@@ -436,7 +451,7 @@ fn check_number(scene: &Scene, k: usize) -> Checked {
         | Placement::Lattice(Lattice { lower, upper, .. }) => {
             (0..2).map(|axis| upper.0[axis] - lower.0[axis]).product::<f64>() / each
         }
-        Placement::Csv(_) | Placement::With(_) => 0.0,
+        Placement::Csv(_) | Placement::With(_) | Placement::State(_) | Placement::Source(_) => 0.0,
     };
     let (count, key) = match group.amount {
         Amount::Count(count) => (count as f64, "amount.count"),

@@ -2,6 +2,7 @@
 
 mod fluid;
 mod grains;
+mod passage;
 
 use super::{Coordinates, Scene, SceneError};
 use voidage_coupling::TEMPERATURE;
@@ -44,6 +45,14 @@ pub(super) fn structure(scene: &Scene) -> Checked {
             "contacts",
             "`[contacts]` is there, but no grains",
             "add `[[grains]]`, or take it away",
+        );
+    }
+    if !scene.sinks.is_empty() && scene.grains.is_empty() {
+        return fail(
+            scene,
+            "sinks",
+            "`[[sinks]]` are there, but no grains",
+            "add `[[grains]]`, or take them away",
         );
     }
     if scene.grains.is_empty() && scene.fluid.is_none() {
@@ -92,6 +101,7 @@ pub(super) fn values(scene: &Scene) -> Checked {
         }
     }
     grains::check(scene)?;
+    passage::check(scene)?;
     cohesion_below(scene)?;
     if scene.coupling.as_ref().is_some_and(|coupling| coupling.heat.is_some()) {
         let sides = [("grains", scene.grains_have_heat()), ("fluid", scene.fluid_has_heat())];

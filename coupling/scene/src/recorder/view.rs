@@ -91,14 +91,11 @@ impl<const D: usize> GrainView<'_, D> {
         ];
         if let Some(temperature) = self.temperature {
             readings.push(("mean_grain_temperature_K".into(), self.mean(|i| temperature[i])));
-            readings.push((
-                "min_grain_temperature_K".into(),
-                temperature.iter().copied().fold(f64::INFINITY, f64::min),
-            ));
-            readings.push((
-                "max_grain_temperature_K".into(),
-                temperature.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            ));
+            // Of no grains nothing is known.
+            let extreme =
+                |pick: fn(f64, f64) -> f64| temperature.iter().copied().reduce(pick).unwrap_or(f64::NAN);
+            readings.push(("min_grain_temperature_K".into(), extreme(f64::min)));
+            readings.push(("max_grain_temperature_K".into(), extreme(f64::max)));
         }
         readings
     }

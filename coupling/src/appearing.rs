@@ -1,0 +1,197 @@
+//! Solid volume that comes into the mesh or goes out of it otherwise than by moving within it: grains that sources and
+//! sinks put in
+//! and take out, and grains that cross an open boundary.
+//!
+//! With phi + eps = 1, d(phi)/dt + div(phi v) = S and d(eps)/dt + div(eps u) = 0 the equation of mass is div(eps u +
+//! phi v) = S. S is
+//! the change of the nodal solid fraction by what came and went since the last accepted solution, over the time of this
+//! one: so
+//! the volume that leaves through the boundary in a step is, to the residual of the linear solver, the change of the
+//! voidage
+//! that the fluid sees.
+
+use crate::leaving::nearest_part;
+use crate::overlap::{self, Overlap};
+use crate::{Mixture, Result};
+use serde::{Deserialize, Serialize};
+use voidage_dem::Particles;
+use voidage_fluid::conditions::FlowCondition;
+use voidage_fluid::{Mesh, Vector};
+
+/// A grain that was put in or taken out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Change<const D: usize> {
+    place: Vector<D>,
+    radius: f64,
+    /// By how much the solid volume in the mesh has grown, m3 (m2 in the plane).
+    volume: f64,
+}
+
+/// What came and went since the last accepted solution of the fluid.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Appearing<const D: usize> {
+    /// Grains that were put in or taken out since then.
+    changes: Vec<Change<D>>,
+    /// Grains that an open boundary cut then, by their number for life, in order, with their volume in the mesh.
+    /// None before the first.
+    cut: Option<Vec<(u32, f64)>>,
+    /// The same now.
+    #[serde(skip)]
+    now: Vec<(u32, f64)>,
+    /// What comes in by node, m3; empty if nothing does.
+    #[serde(skip)]
+    nodal: Vec<f64>,
+}
+
+impl<const D: usize> Appearing<D> {
+    /// Solid volume that came into the mesh since the last accepted solution, less what went, m3 (m2 in the plane).
+    pub fn volume(&self) -> f64 {
+        self.nodal.iter().sum()
+    }
+
+    /// The source of the equation of mass over `dt`, 1/s at the nodes; none if nothing came or went.
+    pub(crate) fn source(&self, dt: f64, nodal_volume: &[f64]) -> Option<Vec<f64>> {
+        let density = |(volume, whole): (&f64, &f64)| volume / whole / dt;
+        (!self.nodal.is_empty()).then(|| self.nodal.iter().zip(nodal_volume).map(density).collect())
+    }
+
+    /// The fluid has been told.
+    pub(crate) fn settle(&mut self) {
+        self.changes.clear();
+        self.nodal.clear();
+        self.cut.get_or_insert_default().clone_from(&self.now);
+    }
+
+    /// A grain of this number was taken out, of which a volume was in the mesh.
+    fn gone(&mut self, id: u32, change: Change<D>) {
+        self.cut.iter_mut().for_each(|cut| cut.retain(|(cut, _)| *cut != id));
+        if change.volume != 0.0 {
+            self.changes.push(change);
+        }
+    }
+}
+
+/// Shares of a volume at the nodes near a disc: by its pieces, or at the nearest node where it has none.
+fn spread<const D: usize>(
+    (mesh, overlap): (&Mesh<D>, &mut Overlap<D>),
+    changes: &[Change<D>],
+    nodal: &mut Vec<f64>,
+) -> Result<()> {
+    let places: Vec<Vector<D>> = changes.iter().map(|change| change.place).collect();
+    let radii: Vec<f64> = changes.iter().map(|change| change.radius).collect();
+    let volumes: Vec<f64> = changes.iter().map(|change| change.volume).collect();
+    let pieces = overlap.pieces_of(mesh, &places, &radii)?.0;
+    overlap::spread(mesh, &pieces, &volumes, nodal);
+    for (k, change) in changes.iter().enumerate().filter(|(k, _)| pieces.of(*k).is_empty()) {
+        let far = |node: &usize| (mesh.points[*node] - change.place).norm_squared();
+        let nearest = (0..mesh.points.len()).min_by(|a, b| far(a).total_cmp(&far(b)));
+        nearest.into_iter().for_each(|node| nodal[node] += volumes[k]);
+    }
+    Ok(())
+}
+
+impl<const D: usize> Mixture<D> {
+    /// Adds grains of a source, between two steps. They lie wholly in the mesh.
+    ///
+    /// # Errors
+    /// One does not; values that no grain may have.
+    pub fn add(&mut self, source: &str, grains: Particles<D>) -> Result<()> {
+        let mesh = &self.fluid.mesh;
+        let (pieces, inside) = self.interaction.overlap.pieces_of(mesh, &grains.position, &grains.radius)?;
+        if let Some(grain) = inside.iter().position(|share| *share < 1.0 - 1e-9) {
+            return Err(self.outside_of_mesh(source, &grains.position[grain], grains.radius[grain]));
+        }
+        let changes = (0..grains.len()).map(|i| Change {
+            place: grains.position[i],
+            radius: grains.radius[i],
+            volume: grains.volume[i],
+        });
+        self.interaction.appearing.changes.extend(changes);
+        self.interaction.extend(&pieces, &self.fluid.on_mesh(), &grains.volume);
+        Ok(self.grains.add(grains)?)
+    }
+
+    /// Books grains that are taken out at the end of a step, those that are not kept.
+    pub(crate) fn book_gone(&mut self, keep: &[bool]) {
+        let (particles, interaction) = (&self.grains.particles, &mut self.interaction);
+        for i in (0..keep.len()).filter(|i| !keep[*i]) {
+            let change = Change {
+                place: particles.position[i],
+                radius: particles.radius[i],
+                volume: -interaction.load.volume[i],
+            };
+            interaction.appearing.gone(particles.id[i], change);
+        }
+    }
+
+    /// Finds what came and went since the last accepted solution, with the grains that have just been cut.
+    pub(crate) fn find_appearing(&mut self) -> Result<()> {
+        self.find_cut();
+        let Self { grains, fluid, interaction, .. } = self;
+        let crate::Interaction { appearing, load, overlap, .. } = interaction;
+        let particles = &grains.particles;
+        let (mut changes, place_of) =
+            (appearing.changes.clone(), |id: u32| particles.id.binary_search(&id).ok());
+        // A grain that is cut now and was not then was whole; one that was cut then and is not now is whole, or had
+        // gone
+        // by an open boundary when it was last cut.
+        let then = appearing.cut.as_deref();
+        let known = |id: u32| then.is_none_or(|cut| cut.binary_search_by_key(&id, |cut| cut.0).is_ok());
+        let new = appearing.now.iter().filter(|(id, _)| !known(*id));
+        let moved = then.unwrap_or_default().iter().map(|(id, before)| (*id, Some(*before)));
+        for (id, before) in moved.chain(new.map(|(id, _)| (*id, None))) {
+            let Some(i) = place_of(id) else { continue };
+            let volume = load.volume[i] - before.unwrap_or(particles.volume[i]);
+            if volume != 0.0 {
+                changes.push(Change { place: particles.position[i], radius: particles.radius[i], volume });
+            }
+        }
+        appearing.nodal.clear();
+        if !changes.is_empty() {
+            spread((&fluid.mesh, overlap), &changes, &mut appearing.nodal)?;
+        }
+        Ok(())
+    }
+
+    /// Finds the grains that an open boundary cuts.
+    fn find_cut(&mut self) {
+        let Self { grains, fluid, interaction, .. } = self;
+        let (particles, volume) = (&grains.particles, &interaction.load.volume);
+        let now = &mut interaction.appearing.now;
+        now.clear();
+        let open = |name: &str| {
+            let of = fluid.conditions.iter().find(|condition| condition.boundary == name);
+            of.is_some_and(|condition| matches!(condition.flow, FlowCondition::Open { .. }))
+        };
+        let mut boxes: Option<Vec<[Vector<D>; 2]>> = None;
+        let gone = interaction.overlap.outside();
+        for i in 0..particles.len() {
+            if volume[i] >= particles.volume[i] * (1.0 - 1e-12) {
+                continue;
+            }
+            let left = volume[i] == 0.0 && gone.binary_search(&(i as u32)).is_ok();
+            // A wall of the fluid cuts many grains a little: most are told by where the open parts are.
+            let boxes = boxes.get_or_insert_with(|| {
+                let parts = fluid.mesh.boundaries.iter().filter(|part| open(&part.name));
+                parts.filter_map(|part| bounds(&fluid.mesh, &part.facets)).collect()
+            });
+            let (x, r) = (&particles.position[i], particles.radius[i]);
+            let near =
+                |[low, high]: &[Vector<D>; 2]| (0..D).all(|a| x[a] + r >= low[a] && x[a] - r <= high[a]);
+            if !(left || (volume[i] > 0.0 && boxes.iter().any(near))) {
+                continue;
+            }
+            let part = nearest_part(&fluid.mesh, x).map(|part| fluid.mesh.boundaries[part].name.as_str());
+            if part.is_some_and(open) {
+                now.push((particles.id[i], volume[i]));
+            }
+        }
+    }
+}
+
+/// The corners of the box around facets.
+fn bounds<const D: usize>(mesh: &Mesh<D>, facets: &[u32]) -> Option<[Vector<D>; 2]> {
+    let first = mesh.points[*facets.first()? as usize];
+    let points = facets.iter().map(|node| &mesh.points[*node as usize]);
+    Some(points.fold([first, first], |[low, high], x| [low.inf(x), high.sup(x)]))
+}
