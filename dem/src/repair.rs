@@ -18,8 +18,8 @@ const REPAIR_SWEEPS: usize = 100;
 /// Overlap, as a share of the smaller radius, from which overlaps are taken back, and the part of it that stays.
 /// Every repair lifts what lies above, and opens and closes other contacts: if it took back what contacts may close by in one
 /// sub-step, large beds, where one of them always does, would never rest.
-const DEEP: f64 = 1e-2;
-pub(crate) const LEFT: f64 = 5e-3;
+const DEEP: f64 = 7e-3;
+pub(crate) const LEFT: f64 = 3.5e-3;
 
 /// Whether there are deep overlaps.
 pub(crate) fn needed<const D: usize>(problem: &Problem<D>) -> bool {
@@ -55,7 +55,7 @@ pub(crate) fn repair<const D: usize>(
     };
     let biases = problem.ask_overlaps_back(LEFT, scene.h);
     let deepest = problem.deepest(scene.h);
-    let grains = Grains { free: &free, pushed: &pushed, changed: &pushed, moving: &|_, _| 1.0 };
+    let grains = Grains { free: &free, pushed: &pushed, changed: &|_| 0.0, moving: &|_, _| 1.0 };
     let outcome = problem.solve(&stopping, &grains);
     // What is not solved may push grains deeper into others, or far away: then the overlaps stay.
     let helps = problem.deepest(scene.h) <= deepest.max(DEEP);

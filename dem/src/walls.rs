@@ -290,7 +290,7 @@ mod tests {
         assert!(
             wall.stands(0.0) && wall.stands(0.299) && !wall.stands(0.1 + 0.2 - 1e-12) && !wall.stands(9.0)
         );
-        assert_eq!(Placed::new(&wall, 0.2, 0.1).velocity_at(0.5), b);
+        approx::assert_relative_eq!(Placed::new(&wall, 0.2, 0.1).velocity_at(0.5), b, max_relative = 1e-14);
         let gone = Placed::new(&wall, 0.3, 0.1);
         assert!((gone.point(gone.nearest(&a)) - a).norm() > 1e8 && gone.velocity_at(0.5).norm() == 0.0);
     }
