@@ -1,14 +1,10 @@
 //! Solid volume that comes into the mesh or goes out of it otherwise than by moving within it: grains that sources and
-//! sinks put in
-//! and take out, and grains that cross an open boundary.
+//! sinks put in and take out, and grains that cross an open boundary.
 //!
 //! With phi + eps = 1, d(phi)/dt + div(phi v) = S and d(eps)/dt + div(eps u) = 0 the equation of mass is div(eps u +
-//! phi v) = S. S is
-//! the change of the nodal solid fraction by what came and went since the last accepted solution, over the time of this
-//! one: so
-//! the volume that leaves through the boundary in a step is, to the residual of the linear solver, the change of the
-//! voidage
-//! that the fluid sees.
+//! phi v) = S. S is the change of the nodal solid fraction by what came and went since the last accepted solution, over
+//! the time of this one: so the volume that leaves through the boundary in a step is, to the residual of the linear
+//! solver, the change of the voidage that the fluid sees.
 
 use crate::leaving::nearest_part;
 use crate::overlap::{self, Overlap};
@@ -133,8 +129,7 @@ impl<const D: usize> Mixture<D> {
         let (mut changes, place_of) =
             (appearing.changes.clone(), |id: u32| particles.id.binary_search(&id).ok());
         // A grain that is cut now and was not then was whole; one that was cut then and is not now is whole, or had
-        // gone
-        // by an open boundary when it was last cut.
+        // gone by an open boundary when it was last cut.
         let then = appearing.cut.as_deref();
         let known = |id: u32| then.is_none_or(|cut| cut.binary_search_by_key(&id, |cut| cut.0).is_ok());
         let new = appearing.now.iter().filter(|(id, _)| !known(*id));

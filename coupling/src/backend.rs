@@ -34,8 +34,7 @@ pub struct Immersed<'a, const D: usize> {
     /// Nodal voidage.
     pub voidage: &'a [f64],
     /// Solid volume that comes in per volume and time, at the nodes, 1/s: a source of the equation of mass. Absent
-    /// where none
-    /// does.
+    /// where none does.
     pub source: Option<&'a [f64]>,
 }
 

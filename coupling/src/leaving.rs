@@ -71,8 +71,7 @@ impl<const D: usize> Mixture<D> {
     }
 
     /// Takes out of the run the grains that the last cut found outside of the mesh, and those that sinks have `taken`,
-    /// which may be
-    /// empty: the end of a step.
+    /// which may be empty: the end of a step.
     pub(crate) fn dismiss(&mut self, taken: &[bool]) {
         let Self { grains, interaction, .. } = self;
         let gone = interaction.overlap.outside();

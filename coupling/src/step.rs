@@ -99,8 +99,7 @@ impl<const D: usize> Coupled<D> {
     }
 
     /// Lets grains in by the sources, at the start of a step of `dt`; the source that has most grains without a place,
-    /// and
-    /// how many.
+    /// and how many.
     fn feed(&mut self, dt: f64) -> Result<Option<(usize, u64)>> {
         let Some(mut passage) = self.passage.take() else { return Ok(None) };
         let waiting = self.feed_from(&mut passage, dt);

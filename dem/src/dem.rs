@@ -6,7 +6,6 @@ use crate::heat::Conductor;
 use crate::laws::Laws;
 use crate::memory::{Memory, Record, WALL};
 use crate::parallel;
-use crate::particles::retain;
 use crate::penetration::Moved;
 use crate::repair;
 use crate::saved::Saved;
@@ -14,10 +13,11 @@ use crate::scene::Scene;
 use crate::search::Search;
 use crate::solver::Problem;
 use crate::walls::Placed;
-use crate::{Heat, Load, Material, Pair, Particles, Rotation, Settings, Side, StepReport, Vector, Wall};
+use crate::{Load, Material, Pair, Particles, Settings, Side, StepReport, Vector, Wall};
 use serde::{Deserialize, Serialize};
 
 mod contacts;
+mod members;
 
 /// Radii that a grain may go in a step.
 const RUNAWAY: f64 = 1e7;
@@ -255,60 +255,19 @@ impl<const D: usize> Dem<D> {
     /// radii; and its speed. No search for contacts would end.
     fn runaway(&self, dt: f64, load: &Load<'_, D>) -> Option<(u32, f64)> {
         let (scene, p) = (self.scene(dt, load), &self.particles);
-        (0..p.len()).find_map(|i| {
-            let squares = [p.velocity[i], scene.free_velocity(i)].map(|velocity| velocity.norm_squared());
-            let speed = squares[0].max(squares[1]).sqrt();
+        let squares = |i: usize| [p.velocity[i], scene.free_velocity(i)].map(|v| v.norm_squared());
+        let radii = |i: usize| {
             let spin = p.rotation.as_ref().map_or(0.0, |rotation| rotation.spin[i]);
-            let finite = squares.iter().chain([&spin]).chain(p.position[i].iter()).all(|x| x.is_finite());
-            let sane = finite && speed * dt <= RUNAWAY * p.radius[i];
-            (!sane).then_some((i as u32, speed))
-        })
-    }
-
-    /// Takes grains out of the run: those that are not marked. Contacts of the others stay.
-    ///
-    /// # Panics
-    /// If there are not as many marks as grains.
-    pub fn retain(&mut self, keep: &[bool]) {
-        self.particles.retain(keep);
-        self.memory.retain(keep);
-        retain(&mut self.contact_force, keep);
-        retain(&mut self.contact_heat, keep);
-        retain(&mut self.mean_velocity, keep);
-        retain(&mut self.mean_temperature, keep);
-        self.renumber();
-    }
-
-    /// Adds grains after those that are there, with the numbers for life that they have. Contacts of the others stay.
-    ///
-    /// # Errors
-    /// Values that no grain may have; heat or spin that only the one or the other have.
-    pub fn add(&mut self, more: Particles<D>) -> Result<()> {
-        more.validate(&self.materials)?;
-        let alike = |a: bool, b: bool| a == b || self.particles.is_empty();
-        let heat = alike(more.heat.is_some(), self.particles.heat.is_some());
-        if !heat || !alike(more.rotation.is_some(), self.particles.rotation.is_some()) {
-            return Err(Error::Scene("grains that are added carry heat and spin as the others do".into()));
+            let [now, after] = squares(i);
+            let finite = [now, after, spin].iter().chain(p.position[i].iter()).all(|x| x.is_finite());
+            if finite { now.max(after).sqrt() * dt / p.radius[i] } else { f64::INFINITY }
+        };
+        if parallel::largest(0..p.len(), &radii) <= RUNAWAY {
+            return None;
         }
-        let id = more.id.clone();
-        let before = self.particles.len();
-        self.particles.append(more);
-        self.particles.id[before..].copy_from_slice(&id);
-        let n = self.particles.len();
-        self.memory.extend(n);
-        self.contact_force.resize(n, Vector::zeros());
-        self.contact_heat.resize(if self.particles.heat.is_some() { n } else { 0 }, 0.0);
-        self.mean_velocity.resize(if self.mean_velocity.is_empty() { 0 } else { n }, Vector::zeros());
-        self.mean_temperature.resize(if self.mean_temperature.is_empty() { 0 } else { n }, 0.0);
-        self.renumber();
-        Ok(())
-    }
-
-    fn renumber(&mut self) {
-        // What these hold is by the old numbers; they are made again.
-        (self.search, self.problem, self.saved) = (Search::default(), Problem::default(), Saved::default());
-        (self.after, self.conductor) = (vec![], Conductor::default());
-        self.known = false;
+        let first = (0..p.len()).find(|i| radii(*i) > RUNAWAY)?;
+        let [now, after] = squares(first);
+        Some((first as u32, now.max(after).sqrt()))
     }
 
     fn substep(&mut self, [h, step]: [f64; 2], load: &Load<'_, D>, last: bool, report: &mut StepReport) {
@@ -585,31 +544,6 @@ impl<const D: usize> Dem<D> {
             })
         };
         self.memory.store(self.particles.len(), 1.0, self.settings.cohesion.is_some(), records);
-    }
-
-    /// Other coefficients of walls and materials, and other settings, from now on; as many walls and materials as
-    /// before.
-    ///
-    /// # Errors
-    /// Values that are not allowed, or that grains of this kind cannot have.
-    pub fn change(
-        &mut self,
-        walls: Vec<Wall<D>>,
-        materials: Vec<Material>,
-        settings: Settings<D>,
-    ) -> Result<()> {
-        if (walls.len(), materials.len()) != (self.walls.len(), self.materials.len()) {
-            return Err(Error::Scene("walls and materials must stay as many as they are".into()));
-        }
-        let alike = Particles {
-            heat: self.particles.heat.as_ref().map(|_| Heat::default()),
-            rotation: self.particles.rotation.as_ref().map(|_| Rotation::default()),
-            ..Particles::default()
-        };
-        let changed = Self::new(alike, walls, materials, settings)?;
-        (self.walls, self.materials) = (changed.walls, changed.materials);
-        (self.settings, self.laws) = (changed.settings, changed.laws);
-        Ok(())
     }
 
     /// Time, s.

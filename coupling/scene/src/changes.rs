@@ -10,11 +10,8 @@ use std::fmt;
 use toml::Value;
 use voidage_coupling::error::{Error, Notice, Result};
 
-/// Keys that may change, with `*` for a name or a number in a list; tables with all that is in them.
-const MAY_CHANGE: &[&str] = &[
-    "gravity",
-    "time.step",
-    "events",
+/// Keys that may change at a restart and by an event, with `*` for a name or a number in a list; tables with all that is in them.
+pub(crate) const LAWS: &[&str] = &[
     "materials.*.friction",
     "materials.*.restitution",
     "materials.*.conductivity",
@@ -22,7 +19,6 @@ const MAY_CHANGE: &[&str] = &[
     "walls.*.restitution",
     "walls.*.material",
     "walls.*.temperature",
-    "walls.*.until",
     "contacts.tolerance",
     "contacts.max_sweeps",
     "contacts.interior",
@@ -31,6 +27,24 @@ const MAY_CHANGE: &[&str] = &[
     "contacts.cohesion.force",
     "contacts.pairs.*.friction",
     "contacts.pairs.*.restitution",
+    "coupling.scheme",
+    "coupling.iteration",
+    "coupling.cut",
+    "coupling.drag",
+    "coupling.voidage_function",
+    "coupling.heat",
+    "fluid.boundaries.*.flow",
+    "fluid.boundaries.*.schedule",
+    "fluid.boundaries.*.heat",
+    "fluid.boundaries.*.scalars",
+];
+
+/// Keys that may change at a restart beside these.
+const AT_RESTART: &[&str] = &[
+    "gravity",
+    "time.step",
+    "events",
+    "walls.*.until",
     "grains.*.placement.source.rate",
     "grains.*.placement.source.start",
     "grains.*.placement.source.end",
@@ -42,21 +56,11 @@ const MAY_CHANGE: &[&str] = &[
     "sinks.*.upper",
     "sinks.*.start",
     "sinks.*.end",
-    "coupling.scheme",
-    "coupling.iteration",
-    "coupling.cut",
-    "coupling.drag",
-    "coupling.voidage_function",
-    "coupling.heat",
     "fluid.density",
     "fluid.viscosity",
     "fluid.solver",
     "fluid.thin_cell",
     "fluid.ramp",
-    "fluid.boundaries.*.flow",
-    "fluid.boundaries.*.schedule",
-    "fluid.boundaries.*.heat",
-    "fluid.boundaries.*.scalars",
     "fluid.heat.heat_capacity",
     "fluid.heat.conductivity",
     "fluid.heat.expansion",
@@ -89,7 +93,7 @@ impl fmt::Display for Change {
 impl Change {
     /// Whether a run can go on with it from a checkpoint.
     fn is_allowed(&self) -> bool {
-        self.is_among(MAY_CHANGE)
+        self.is_among(LAWS) || self.is_among(AT_RESTART)
     }
 
     /// Whether it is of one of these keys, or of a table of them.

@@ -1,44 +1,14 @@
 //! Keys that change while a run goes on.
 //!
 //! An event does what a restart with other keys does, without the stop: the laws of grains, walls, exchange and
-//! boundary are those of
-//! another scene from then on.
+//! boundary are those of another scene from then on.
 
-use crate::changes::differences;
+use crate::changes::{LAWS, differences};
 use crate::{Event, Scene};
 use voidage_coupling::error::{Notice, SceneError};
 
-/// Keys that an event may change, with `*` for a name or a number in a list; tables with all that is in them.
-const MAY_CHANGE: &[&str] = &[
-    "materials.*.friction",
-    "materials.*.restitution",
-    "materials.*.conductivity",
-    "walls.*.friction",
-    "walls.*.restitution",
-    "walls.*.material",
-    "walls.*.temperature",
-    "contacts.tolerance",
-    "contacts.max_sweeps",
-    "contacts.interior",
-    "contacts.max_travel",
-    "contacts.max_substeps",
-    "contacts.cohesion.force",
-    "contacts.pairs.*.friction",
-    "contacts.pairs.*.restitution",
-    "grains.*.placement.source",
-    "sinks",
-    "coupling.scheme",
-    "coupling.iteration",
-    "coupling.cut",
-    "coupling.drag",
-    "coupling.voidage_function",
-    "coupling.heat",
-    "coupling.cohesion_below",
-    "fluid.boundaries.*.flow",
-    "fluid.boundaries.*.schedule",
-    "fluid.boundaries.*.heat",
-    "fluid.boundaries.*.scalars",
-];
+/// Keys that an event may change beside [`LAWS`].
+const BY_EVENT: &[&str] = &["grains.*.placement.source", "sinks", "coupling.cohesion_below"];
 
 impl Scene {
     /// The number of the step before which an event takes place: the first that starts at its time or later.
@@ -129,7 +99,7 @@ impl Scene {
                 "give another value, or take it away",
             );
         }
-        match changes.iter().find(|change| !change.is_among(MAY_CHANGE)) {
+        match changes.iter().find(|change| !(change.is_among(LAWS) || change.is_among(BY_EVENT))) {
             None => Ok(()),
             Some(change) => wrong(
                 format!("`{}` cannot change while a run goes on", change.key),

@@ -154,8 +154,7 @@ pub struct Boundary {
     /// `{open = {pressure = 0.0}}`, in short `"open"`.
     pub flow: Flow,
     /// Rows `[time, factor]`: a prescribed velocity is multiplied by the factor, which is linear between rows and
-    /// constant before the first and
-    /// after the last. Default: none, the velocity stays.
+    /// constant before the first and after the last. Default: none, the velocity stays.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub schedule: Vec<[f64; 2]>,
     /// Condition of the temperature: `{temperature = T}`, `{newton = {coefficient = h, temperature = T}}`,

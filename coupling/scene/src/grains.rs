@@ -38,10 +38,9 @@ pub struct Material {
 pub struct Grains {
     /// Name of one of the materials.
     pub material: String,
-    /// Radius, m: `{constant = r}`, in short `r`, `{uniform = [smallest, largest]}`, or a law of sizes by number or
-    /// by mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file or a state,
-    /// which have
-    /// their own.
+    /// Radius, m: `{constant = r}`, in short `r`, `{uniform = [smallest, largest]}`, or a law of sizes by number or by
+    /// mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file or a state, which
+    /// have their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
     /// Share of the disc that is solid, above 0 up to 1: in a fluid 0.8165 makes the densest bed of discs as dense as one of
@@ -193,8 +192,7 @@ pub enum Placement {
     /// As another run left them: places, radii, velocities, spins, temperatures and contacts.
     State(StateFile),
     /// Let in while the run goes on, at random places of a box where they overlap neither grains nor walls. A grain
-    /// that finds no place
-    /// waits, and the run says so.
+    /// that finds no place waits, and the run says so.
     Source(GrainSource),
 }
 
@@ -203,8 +201,7 @@ pub enum Placement {
 #[serde(deny_unknown_fields)]
 pub struct StateFile {
     /// Checkpoint of any run with grains, such as `out/NAME/checkpoint.voidage`, path relative to the scene. Contacts
-    /// with walls are taken
-    /// over where a wall has the same name in both.
+    /// with walls are taken over where a wall has the same name in both.
     pub file: PathBuf,
     /// Number of the group of that run, counted from 0. Default: all its grains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -248,8 +245,7 @@ pub enum Rate {
 }
 
 /// Takes grains out of the run: those whose centres cross a line, or are in a box at the end of a step. A fluid there
-/// is told of the volume
-/// that it gets back.
+/// is told of the volume that it gets back.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sink {

@@ -247,8 +247,7 @@ fn handed_over(scene: &Scene, k: usize, state: &scene::StateFile, materials: &[M
 }
 
 /// The contacts among grains of states, and with walls of the same name; `numbers` has of each group its first grain
-/// and those that its
-/// grains had before.
+/// and those that its grains had before.
 pub(crate) fn contacts_of_states(
     scene: &Scene,
     numbers: &[(usize, Vec<u32>)],
