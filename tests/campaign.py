@@ -31,9 +31,11 @@ BED = Path(__file__).resolve().parent / "cases" / "bed.toml"
 OFTEN = ["--set", "output.checkpoint_interval=0.002"]
 #: A process that takes longer hangs, s.
 LONG = 60.0
-#: Header of a frame: coupling/remote/src/protocol/header.rs.
+#: Header of a frame, and the version that the program speaks.
 HEADER = struct.Struct("<QIIQIIQIIdd8Q")
-MAGIC, VERSION = int.from_bytes(b"VOIDAGE.", "little"), 3
+MAGIC = int.from_bytes(b"VOIDAGE.", "little")
+PROTOCOL = Path(__file__).resolve().parents[1] / "coupling/remote/src/protocol/header.rs"
+VERSION = int(re.findall(r"VERSION: u32 = (\d+);", PROTOCOL.read_text())[0])
 
 #: Files that are the same, byte for byte, however a run came to its end.
 RESULTS = ("series.csv", "averages.csv", "checkpoint.voidage", "grains.pvd")
@@ -317,6 +319,7 @@ class Campaign:
     def hostile(self) -> None:
         """A fluid solver that greets well and then sends wrong frames ends the run with an error."""
         run, port, _ = self.attached()
+        welcome = False
         with self.line(run, port) as line:
             try:
                 greeting = json.dumps({"solver": "hostile", "protocol": VERSION}).encode()
@@ -326,6 +329,7 @@ class Campaign:
                     header = HEADER.unpack(self.read(line, HEADER.size))
                     self.read(line, 8 * header[-1])
                     number, mesh_nodes = header[3], header[11]
+                welcome = True
                 if self.random.random() < 0.7:
                     line.sendall(self.frame(2, run=number))
                     header = HEADER.unpack(self.read(line, HEADER.size))
@@ -335,6 +339,8 @@ class Campaign:
             except OSError:
                 pass
         self.ended(run, [1])
+        if not welcome:
+            raise Wrong("its greeting was not taken")
 
     @staticmethod
     def read(line: socket.socket, count: int) -> bytes:

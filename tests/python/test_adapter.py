@@ -44,7 +44,6 @@ TRACER = {
 }
 WARM = TRACER | {"name": "temperature", "thin_cell": {"coefficient": 2, "value": 300}}
 SETUP = {
-    "protocol": 3,
     "properties": {
         "density": 1.2,
         "viscosity": 0.1,
