@@ -129,7 +129,11 @@ impl<'a> Page<'a> {
             }
             let count = node.get("minItems").and_then(Value::as_u64);
             let count = count.map_or(String::new(), |count| format!("{count} "));
-            return format!("list of {count}{}s", self.value(path, item, of, within));
+            let item = self.value(path, item, of, within);
+            return match item.strip_prefix("list ") {
+                Some(inner) => format!("list of {count}lists {inner}"),
+                None => format!("list of {count}{item}s"),
+            };
         }
         if has_keys(node) {
             let section = Section { path: path.to_owned(), list: false, table: node };
