@@ -149,7 +149,7 @@ def test_writing_checks(bed, name, value, error, text):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ({"scene": "none.toml"}, "none.toml: cannot read the scene.*\n.*help"),
+        ({"scene": "none.toml"}, "none.toml: there is no such file.*\n.*help"),
         ({"scene": BED, "set": ["fluid.densty=1"]}, "did you mean `density`"),
         ({"scene": BED, "scheme": "implicit"}, "expected one of `explicit`"),
         ({"scene": BED, "fluid": "openfoam"}, "no such fluid solver"),

@@ -1,0 +1,83 @@
+//! Grains that come and go, and laws that change, while a run goes on.
+
+use super::Dem;
+use crate::error::{Error, Result};
+use crate::heat::Conductor;
+use crate::particles::retain;
+use crate::saved::Saved;
+use crate::search::Search;
+use crate::solver::Problem;
+use crate::{Heat, Material, Particles, Rotation, Settings, Vector, Wall};
+
+impl<const D: usize> Dem<D> {
+    /// Takes grains out of the run: those that are not marked. Contacts of the others stay.
+    ///
+    /// # Panics
+    /// If there are not as many marks as grains.
+    pub fn retain(&mut self, keep: &[bool]) {
+        self.particles.retain(keep);
+        self.memory.retain(keep);
+        retain(&mut self.contact_force, keep);
+        retain(&mut self.contact_heat, keep);
+        retain(&mut self.mean_velocity, keep);
+        retain(&mut self.mean_temperature, keep);
+        self.renumber();
+    }
+
+    /// Adds grains after those that are there, with the numbers for life that they have. Contacts of the others stay.
+    ///
+    /// # Errors
+    /// Values that no grain may have; heat or spin that only the one or the other have.
+    pub fn add(&mut self, more: Particles<D>) -> Result<()> {
+        more.validate(&self.materials)?;
+        let alike = |a: bool, b: bool| a == b || self.particles.is_empty();
+        let heat = alike(more.heat.is_some(), self.particles.heat.is_some());
+        if !heat || !alike(more.rotation.is_some(), self.particles.rotation.is_some()) {
+            return Err(Error::Scene("grains that are added carry heat and spin as the others do".into()));
+        }
+        let id = more.id.clone();
+        let before = self.particles.len();
+        self.particles.append(more);
+        self.particles.id[before..].copy_from_slice(&id);
+        let n = self.particles.len();
+        self.memory.extend(n);
+        self.contact_force.resize(n, Vector::zeros());
+        self.contact_heat.resize(if self.particles.heat.is_some() { n } else { 0 }, 0.0);
+        self.mean_velocity.resize(if self.mean_velocity.is_empty() { 0 } else { n }, Vector::zeros());
+        self.mean_temperature.resize(if self.mean_temperature.is_empty() { 0 } else { n }, 0.0);
+        self.renumber();
+        Ok(())
+    }
+
+    /// Forgets what holds grains by their old numbers: it is made again.
+    fn renumber(&mut self) {
+        (self.search, self.problem, self.saved) = (Search::default(), Problem::default(), Saved::default());
+        (self.after, self.conductor) = (vec![], Conductor::default());
+        self.known = false;
+    }
+
+    /// Other coefficients of walls and materials, and other settings, from now on; as many walls and materials as
+    /// before.
+    ///
+    /// # Errors
+    /// Values that are not allowed, or that grains of this kind cannot have.
+    pub fn change(
+        &mut self,
+        walls: Vec<Wall<D>>,
+        materials: Vec<Material>,
+        settings: Settings<D>,
+    ) -> Result<()> {
+        if (walls.len(), materials.len()) != (self.walls.len(), self.materials.len()) {
+            return Err(Error::Scene("walls and materials must stay as many as they are".into()));
+        }
+        let alike = Particles {
+            heat: self.particles.heat.as_ref().map(|_| Heat::default()),
+            rotation: self.particles.rotation.as_ref().map(|_| Rotation::default()),
+            ..Particles::default()
+        };
+        let changed = Self::new(alike, walls, materials, settings)?;
+        (self.walls, self.materials) = (changed.walls, changed.materials);
+        (self.settings, self.laws) = (changed.settings, changed.laws);
+        Ok(())
+    }
+}
