@@ -273,9 +273,9 @@ impl<const D: usize> Dem<D> {
     fn substep(&mut self, [h, step]: [f64; 2], load: &Load<'_, D>, last: bool, report: &mut StepReport) {
         self.placed.clear();
         self.placed.extend(self.walls.iter().map(|w| Placed::new(w, self.time, h)));
-        self.solve_contacts([h, step], load, report);
+        let error = self.solve_contacts([h, step], load, report);
         self.exchange_heat(h, load, report);
-        self.move_grains([h, step], load, last, report);
+        self.move_grains([h, step], load, (error, last), report);
     }
 
     /// Heat from outside and through contacts, with the forces of this sub-step.
@@ -328,11 +328,18 @@ impl<const D: usize> Dem<D> {
             laws: self.laws.as_ref(),
             load,
             h,
+            rest: self.settings.rest(),
         }
     }
 
     /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.
-    fn move_grains(&mut self, [h, step]: [f64; 2], load: &Load<'_, D>, last: bool, report: &mut StepReport) {
+    fn move_grains(
+        &mut self,
+        [h, step]: [f64; 2],
+        load: &Load<'_, D>,
+        (error, last): (f64, bool),
+        report: &mut StepReport,
+    ) {
         let n = self.particles.len();
         let mut problem = std::mem::take(&mut self.problem);
         let search = std::mem::take(&mut self.search);
@@ -346,6 +353,7 @@ impl<const D: usize> Dem<D> {
             }
             false => Default::default(),
         };
+        let scene = Scene { rest: self.settings.rest_within(error), ..scene };
         problem.mark_near_moving(|bodies, moving| scene.mark_moving(&search.grid.grain_of, bodies, moving));
         scene.stop_resting(&search.grid.grain_of, &problem.bodies, &problem.moving);
         report.sweeps += outcome.sweeps;

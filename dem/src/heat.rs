@@ -354,6 +354,7 @@ mod tests {
             laws: None,
             load: &load,
             h: 1.0,
+            rest: 0.0,
         };
         assert!(conductor.solve(&scene, &heat).converged);
         // What the left end loses.

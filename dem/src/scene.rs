@@ -18,6 +18,8 @@ pub(crate) struct Scene<'a, const D: usize> {
     pub laws: Option<&'a Laws>,
     pub load: &'a Load<'a, D>,
     pub h: f64,
+    /// Share of the velocity that forces bring and contacts take, below which what is left counts as zero.
+    pub rest: f64,
 }
 
 /// A contact with a wall: which one.
@@ -82,12 +84,12 @@ impl<const D: usize> Scene<'_, D> {
     }
 
     /// Whether a grain rests at this velocity and speed of its surface, m/s: contacts take all that forces bring in the
-    /// sub-step but a small share ([`Settings::rest`](crate::Settings::rest)). No velocity at all obeys the laws of the contacts
+    /// sub-step but a small share. No velocity at all obeys the laws of the contacts
     /// then, with the same impulses; only that share of the forces is not balanced.
     pub fn rests(&self, i: usize, velocity: &Vector<D>, surface: f64) -> bool {
         let free = self.free_velocity(i);
         let brought = (free - self.particles.velocity[i]).norm_squared();
-        let most = self.settings.rest().powi(2) * brought.min((velocity - free).norm_squared());
+        let most = self.rest.powi(2) * brought.min((velocity - free).norm_squared());
         velocity.norm_squared() <= most && surface * surface <= most
     }
 

@@ -108,6 +108,8 @@ impl<const D: usize> Default for Settings<D> {
 
 /// Share of the energy that the error may have at rest, below which a velocity counts as zero.
 const RESTS: f64 = 1e-2;
+/// Velocity that cannot be told from its error, as a multiple of the error.
+const UNTOLD: f64 = 3.0;
 
 impl<const D: usize> Settings<D> {
     /// Share of the velocity that forces bring to a grain in a sub-step and contacts take of it, below which what is left counts
@@ -115,6 +117,14 @@ impl<const D: usize> Settings<D> {
     /// default tolerance. A bed at rest would creep with the error of its contacts for ever otherwise.
     pub fn rest(&self) -> f64 {
         (RESTS * self.tolerance * REST).sqrt()
+    }
+
+    /// The same after a sub-step whose velocities have an error of this share of the energy that forces bring: what cannot be told
+    /// from the error counts as zero too. The next sub-step is then the same problem again, and its impulses come closer to the
+    /// solution; grains that went on with such velocities would change the problem in every sub-step.
+    pub(crate) fn rest_within(&self, error: f64) -> f64 {
+        let solved = self.tolerance * REST;
+        self.rest().max(UNTOLD * error.min(solved).sqrt())
     }
 
     pub(crate) fn validate(&self) -> Result<()> {
