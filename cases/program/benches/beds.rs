@@ -5,9 +5,12 @@
 //! of this machine and version are not run again. `--impact` is the number of steps under the heavy disc. Discs of 44 to
 //! 55 um, dropped and rolled between rough walls, square beds up to 400 rows, friction 0.3, steps of 0.5 ms, default settings.
 
+mod table;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
+use table::{Table, entry, numbers, option};
 use voidage_campaign::plot::panels::{Curve, Panel, grid};
 use voidage_dem::packing::{Amount, Fill, Method, Radii, Region, pour, unobserved};
 use voidage_dem::{Dem, Load, Material, Particles, Settings, Vector, Wall};
@@ -18,34 +21,17 @@ const FRICTION: f64 = 0.3;
 const MOST_ROWS: f64 = 400.0;
 /// Steps of the cold start, until the bed rests, and at rest.
 const COLD: usize = 1;
-const SETTLING: usize = 120;
+const SETTLING: usize = 200;
 const REST: usize = 20;
 /// The disc that is dropped: its diameter in those of the bed, and its speed, m/s.
 const HEAVY: f64 = 50.0;
 const SPEED: f64 = 0.17;
 
-const HEADER: [&str; 10] = [
-    "machine",
-    "version",
-    "grains",
-    "threads",
-    "phase",
-    "steps",
-    "median_s",
-    "mean_s",
-    "sweeps_per_step",
-    "bytes_per_grain",
-];
+const HEADER: [&str; 8] =
+    ["grains", "threads", "phase", "steps", "median_s", "mean_s", "sweeps_per_step", "bytes_per_grain"];
 
 fn at(x: f64, y: f64) -> Vector<2> {
     Vector::<2>::new(x, y)
-}
-
-/// Entry of a file of /proc by its name.
-fn entry(path: &str, name: &str) -> Option<String> {
-    let text = std::fs::read_to_string(path).ok()?;
-    let line = text.lines().find(|line| line.starts_with(name))?;
-    Some(line.split_once(':')?.1.trim().into())
 }
 
 /// Memory that this process holds, bytes; 0 where the system does not tell.
@@ -87,15 +73,14 @@ impl Phase {
         phase
     }
 
-    /// Prints a row of the table, without the machine.
+    /// Prints a row of the table, without machine and version.
     fn print(mut self, name: &str, grains: usize, bytes: f64) {
         let steps = self.seconds.len() as f64;
         let mean = self.seconds.iter().sum::<f64>() / steps;
         self.seconds.sort_by(f64::total_cmp);
         let median = self.seconds[self.seconds.len() / 2];
         println!(
-            "{},{grains},{},{name},{steps},{median:.3e},{mean:.3e},{:.1},{bytes:.0}",
-            env!("CARGO_PKG_VERSION"),
+            "{grains},{},{name},{steps},{median:.3e},{mean:.3e},{:.1},{bytes:.0}",
             rayon::current_num_threads(),
             self.sweeps as f64 / steps,
         );
@@ -142,18 +127,6 @@ fn highest(grains: &Particles<2>) -> f64 {
     grains.position.iter().fold(0.0, |top, x| x.y.max(top))
 }
 
-/// What follows an option, in parts between commas.
-fn option(name: &str, default: &str) -> Vec<String> {
-    let all: Vec<String> = std::env::args().collect();
-    let given = all.iter().position(|a| a == name).and_then(|k| all.get(k + 1));
-    given.map_or(default, |text| text).split(',').map(String::from).collect()
-}
-
-fn numbers(name: &str, default: &str) -> Vec<usize> {
-    let parse = |text: String| text.parse().unwrap_or_else(|_| panic!("{name}: {text} is no whole number"));
-    option(name, default).into_iter().map(parse).collect()
-}
-
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let impact = numbers("--impact", "200")[0];
     if let [count] = numbers("--bed", "0")[..]
@@ -164,20 +137,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let out = PathBuf::from(option("--out", "../../target/beds").remove(0));
     std::fs::create_dir_all(&out)?;
-    let processor = entry("/proc/cpuinfo", "model name").unwrap_or_else(|| "unknown".into());
-    let file = out.join("beds.csv");
-    let mut rows: Vec<Vec<String>> = vec![];
-    if file.exists() {
-        for row in csv::Reader::from_path(&file)?.records() {
-            rows.push(row?.iter().map(String::from).collect());
-        }
-    }
-    println!("{}", HEADER[1..].join(","));
+    let mut table = Table::open(out.join("beds.csv"), &HEADER)?;
     for size in numbers("--sizes", "4000,20000,90000") {
         for threads in numbers("--threads", "1,2") {
             let [size, threads] = [size, threads].map(|number| number.to_string());
-            let wanted = [processor.as_str(), env!("CARGO_PKG_VERSION"), &size, &threads];
-            if rows.iter().any(|row| row[..4] == wanted) {
+            if table.has(&[&size, &threads]) {
                 continue;
             }
             let mut run = Command::new(std::env::current_exe()?);
@@ -187,24 +151,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 return Err(format!("{size} grains: {}", String::from_utf8_lossy(&told.stderr)).into());
             }
             for line in String::from_utf8(told.stdout)?.lines() {
-                println!("{line}");
-                let row = std::iter::once(processor.as_str()).chain(line.split(','));
-                rows.push(row.map(Into::into).collect());
+                let row: Vec<String> = line.split(',').map(String::from).collect();
+                table.add(&row, |row| vec![row[0].parse().unwrap_or(0), row[1].parse().unwrap_or(0)])?;
             }
-            let number = |row: &Vec<String>, column: usize| row[column].parse().unwrap_or(0_usize);
-            rows.sort_by_key(|row| (number(row, 2), number(row, 3)));
-            write(&file, &rows)?;
         }
     }
-    draw(&out.join("beds.png"), &rows)?;
+    draw(&out.join("beds.png"), &table.rows)?;
     Ok(())
-}
-
-fn write(file: &Path, rows: &[Vec<String>]) -> csv::Result<()> {
-    let mut table = csv::Writer::from_path(file)?;
-    table.write_record(HEADER)?;
-    rows.iter().try_for_each(|row| table.write_record(row))?;
-    Ok(table.flush()?)
 }
 
 /// Time of a step over the number of grains, a panel for each phase.
