@@ -8,7 +8,7 @@
 
 use crate::bodies::Bodies;
 use crate::scene::Scene;
-use crate::solver::{Grains, Outcome, Problem, Stopping};
+use crate::solver::{Grains, Impulses, Outcome, Problem, Stopping};
 use crate::space::Vector;
 
 /// Share of the energy of the velocities that take overlaps back which their error may have.
@@ -35,7 +35,8 @@ pub(crate) fn repair<const D: usize>(
     stopping: &Stopping,
 ) -> (Vec<Vector<D>>, Outcome) {
     let state = problem.bodies.state();
-    let impulses: Vec<Vector<D>> = problem.contacts.iter().map(|c| c.impulse).collect();
+    let mut impulses = Impulses::default();
+    problem.keep_impulses(&mut impulses);
     let stopping = Stopping {
         tolerance: REPAIRED,
         max_sweeps: REPAIR_SWEEPS.min(stopping.max_sweeps),
@@ -64,7 +65,7 @@ pub(crate) fn repair<const D: usize>(
         false => vec![],
     };
     problem.bodies.set_state(&state);
-    problem.contacts.iter_mut().zip(&impulses).for_each(|(c, p)| c.impulse = *p);
+    problem.put_impulses(&impulses);
     problem
         .overlaps
         .iter()

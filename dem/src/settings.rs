@@ -74,6 +74,8 @@ pub struct Pair {
     pub friction: Option<f64>,
     /// Newton's coefficient of restitution; none: as without the pair.
     pub restitution: Option<f64>,
+    /// Coefficient of resistance to rolling, 0 to 1; none: as without the pair.
+    pub rolling: Option<f64>,
 }
 
 /// The other side of a [`Pair`].
@@ -145,6 +147,10 @@ impl<const D: usize> Settings<D> {
             let restitution = pair.restitution.unwrap_or(0.0);
             check((0.0..=1.0).contains(&restitution), restitution, "it must lie in 0 .. 1", || {
                 "restitution of a pair".into()
+            })?;
+            let rolling = pair.rolling.unwrap_or(0.0);
+            check((0.0..=1.0).contains(&rolling), rolling, "it must lie in 0 .. 1", || {
+                "rolling resistance of a pair".into()
             })?;
         }
         if let Some(c) = &self.cohesion {

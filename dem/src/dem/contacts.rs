@@ -50,7 +50,7 @@ impl<const D: usize> Dem<D> {
             for (slot, &i) in search.grid.grain_of.iter().enumerate() {
                 self.after[known + i as usize] = problem.bodies.velocity(slot);
             }
-            self.memory.store(self.particles.len(), h, self.settings.cohesion.is_some(), || {
+            self.memory.store(self.particles.len(), h, self.beside(), || {
                 search.records(&problem, 0.0)
             });
         }
