@@ -18,8 +18,8 @@
 //! ```
 //!
 //! is solved by p_n = max(-c, p_n - (u_n + bias) / w_n), c the cohesion impulse; Coulomb's law for this p_n by
-//! the projection of p_t - u_t / w_t on the disc of radius mu (p_n + c). Both are exact: one contact needs one pass. With
-//! [resistance to rolling](crate::rolling) the tangential part has a second unknown, and is exact too.
+//! the projection of p_t - u_t / w_t on the disc of radius mu (p_n + c). Both are exact: one contact needs one pass.
+//! With [resistance to rolling](crate::rolling) the tangential part has a second unknown, and is exact too.
 
 use crate::rolling::Rolling;
 use crate::space::{Vector, cut, turned};
@@ -70,9 +70,7 @@ impl Law for Frictionless {
     const COHESION: bool = false;
     const ROLLING: bool = false;
 }
-impl<const SPIN: bool, const COHESION: bool, const ROLLING: bool> Law
-    for Coulomb<SPIN, COHESION, ROLLING>
-{
+impl<const SPIN: bool, const COHESION: bool, const ROLLING: bool> Law for Coulomb<SPIN, COHESION, ROLLING> {
     const FRICTION: bool = true;
     const SPIN: bool = SPIN;
     const COHESION: bool = COHESION;
@@ -106,7 +104,8 @@ impl<const D: usize> Contact<D> {
         n * qn + cut(n, trial, bound.unwrap_or(self.friction * (qn - floor)))
     }
 
-    /// The same with resistance to rolling, from its impulse `q` and the rolling speed `u_r`, in the plane: the impulse, and q.
+    /// The same with resistance to rolling, from its impulse `q` and the rolling speed `u_r`, in the plane: the
+    /// impulse, and q.
     #[inline(always)]
     pub fn solve_rolling<L: Law>(
         &self,

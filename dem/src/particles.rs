@@ -16,8 +16,8 @@ pub struct Material {
     /// Coulomb's coefficient between grains; two materials meet with the smaller one.
     #[serde(default)]
     pub friction: f64,
-    /// Coefficient mu_r of resistance to rolling, 0 to 1, in the plane: a contact resists a relative spin by a moment of up to
-    /// mu_r R p_n, R = r1 r2 / (r1 + r2); two materials meet with the smaller one.
+    /// Coefficient mu_r of resistance to rolling, 0 to 1, in the plane: a contact resists a relative spin by a moment
+    /// of up to mu_r R p_n, R = r1 r2 / (r1 + r2); two materials meet with the smaller one.
     #[serde(default)]
     pub rolling: f64,
     /// Newton's coefficient of restitution, 0 to 1; two materials meet with the smaller one.

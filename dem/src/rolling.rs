@@ -1,9 +1,9 @@
 //! Rolling resistance: the third cone of a contact.
 //!
-//! Two discs that touch resist a relative spin w_j - w_i by a moment of at most `mu_r R p_n`, R = r_i r_j / (r_i + r_j) being
-//! their effective radius (that of the grain at a wall), and they have no relative spin as long as the moment stays below.
-//! This is Coulomb's law once more, for the spin instead of the slip: the rolling friction of nonsmooth contact dynamics
-//! (Acary and Bourrier, European Journal of Mechanics A/Solids 85, 2021, 104046).
+//! Two discs that touch resist a relative spin w_j - w_i by a moment of at most `mu_r R p_n`, R = r_i r_j / (r_i +
+//! r_j) being their effective radius (that of the grain at a wall), and they have no relative spin as long as the
+//! moment stays below. This is Coulomb's law once more, for the spin instead of the slip: the rolling friction of
+//! nonsmooth contact dynamics (Acary and Bourrier, European Journal of Mechanics A/Solids 85, 2021, 104046).
 //!
 //! The moment is held as the impulse q = m / R (N s) on the second side, and works on the rolling speed
 //!
@@ -12,18 +12,20 @@
 //!     s_i -= a_i (r_i^2 / I_i) q,   s_j += a_j (r_j^2 / I_j) q,       |q| <= mu_r (p_n + c).
 //! ```
 //!
-//! A moment changes no centre's velocity, so the normal part of the one-contact problem does not see it. The slip does, because
-//! both turn the grains: with b = r^2 / I,
+//! A moment changes no centre's velocity, so the normal part of the one-contact problem does not see it. The slip
+//! does, because both turn the grains: with b = r^2 / I,
 //!
 //! ```text
-//!     u_t += w_t p_t + w_tr q,     u_r += w_tr p_t + w_r q,     w_tr = a_i b_i - a_j b_j,   w_r = a_i^2 b_i + a_j^2 b_j.
+//!     u_t += w_t p_t + w_tr q,             u_r += w_tr p_t + w_r q,
+//!     w_tr = a_i b_i - a_j b_j,            w_r = a_i^2 b_i + a_j^2 b_j.
 //! ```
 //!
-//! w_t contains the mobility of the centres beside the spins, so that w_t w_r > w_tr^2. Once p_n is known, the two laws say that
-//! (p_t, q) minimises the convex quadratic form of this matrix in the box |p_t| <= mu (p_n + c), |q| <= mu_r (p_n + c):
-//! [`Rolling::solve`] finds the minimum exactly, so that one contact still needs one pass. Where the minimum without the box lies
-//! beyond one side of it, the line from any other point to it leads downhill into the box, unless the point is on that side.
-//! So the minimum in the box is on that side, and where two sides are passed, on one of the two.
+//! w_t contains the mobility of the centres beside the spins, so that w_t w_r > w_tr^2. Once p_n is known, the two
+//! laws say that (p_t, q) minimises the convex quadratic form of this matrix in the box |p_t| <= mu (p_n + c), |q| <=
+//! mu_r (p_n + c): [`Rolling::solve`] finds the minimum exactly, so that one contact still needs one pass. Where the
+//! minimum without the box lies beyond one side of it, the line from any other point to it leads downhill into the
+//! box, unless the point is on that side. So the minimum in the box is on that side, and where two sides are passed,
+//! on one of the two.
 
 use crate::bodies::{Bodies, Shared};
 
@@ -74,8 +76,8 @@ impl Rolling {
         bodies.set_surface(j, bodies.surface(j) + self.share[1] * bodies.spin_mobility(j) * q);
     }
 
-    /// (p_t, q) after this contact alone is solved, from `p` and the speeds `u` = (u_t, u_r) under it; `w_t` and the largest
-    /// (|p_t|, |q|) are given.
+    /// (p_t, q) after this contact alone is solved, from `p` and the speeds `u` = (u_t, u_r) under it; `w_t` and the
+    /// largest (|p_t|, |q|) are given.
     #[inline(always)]
     pub fn solve(&self, p: [f64; 2], u: [f64; 2], w_t: f64, most: [f64; 2]) -> [f64; 2] {
         let (w_tr, w_r) = (self.coupling, self.mobility);
@@ -96,15 +98,15 @@ impl Rolling {
             [false, true] => [rubbing(q), q],
             [true, true] => {
                 let best = rolling(t);
-                // On this side of the box if friction goes on sliding there, or is at the very end of its range.
+                // The minimum is on this side of the box if friction opposes the slip there.
                 let slip = u[0] + w_t * (t - p[0]) + w_tr * (best - p[1]);
                 if slip * t <= 0.0 { [t, best] } else { [rubbing(q), q] }
             }
         }
     }
 
-    /// The natural map q - P(q - rho u_r), P being the cut to mu_r (p_n + c) for `pressed` = p_n + c: zero exactly where the law
-    /// of rolling holds. Returns rho, kg, and the squares of the map and of q.
+    /// The natural map q - P(q - rho u_r), P being the cut to mu_r (p_n + c) for `pressed` = p_n + c: zero exactly
+    /// where the law of rolling holds. Returns rho, kg, and the squares of the map and of q.
     ///
     /// rho is 1 / w_r, or half of the larger inertia, for the same reason as between masses that differ.
     #[inline(always)]
@@ -140,8 +142,14 @@ mod tests {
     use crate::Vector;
     use proptest::prelude::*;
 
-    /// Two discs of these masses and radii, at these speeds of their surfaces; and their contact along the first axis.
-    fn pair(mass: [f64; 2], radius: [f64; 2], surface: [f64; 2], resistance: f64) -> (Bodies<2>, Rolling, f64) {
+    /// Two discs of these masses and radii, at these speeds of their surfaces; and their contact along the first
+    /// axis.
+    fn pair(
+        mass: [f64; 2],
+        radius: [f64; 2],
+        surface: [f64; 2],
+        resistance: f64,
+    ) -> (Bodies<2>, Rolling, f64) {
         let mut bodies = Bodies::default();
         for k in 0..2 {
             bodies.push(&Vector::<2>::zeros(), 1.0 / mass[k]);
@@ -153,7 +161,8 @@ mod tests {
     }
 
     proptest! {
-        /// The solution of one contact obeys both laws: within its bound no slip and no rolling speed, at its bound against them.
+        /// The solution of one contact obeys both laws: within its bound no slip and no rolling speed, at its bound
+        /// against them.
         #[test]
         fn one_pass_obeys_both_laws(
             masses in prop::array::uniform2(0.01..10.0f64), radii in prop::array::uniform2(0.01..1.0f64),

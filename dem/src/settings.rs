@@ -121,9 +121,10 @@ impl<const D: usize> Settings<D> {
         (RESTS * self.tolerance * REST).sqrt()
     }
 
-    /// The same after a sub-step whose velocities have an error of this share of the energy that forces bring: what cannot be told
-    /// from the error counts as zero too. The next sub-step is then the same problem again, and its impulses come closer to the
-    /// solution; grains that went on with such velocities would change the problem in every sub-step.
+    /// The same after a sub-step whose velocities have an error of this share of the energy that forces bring: what
+    /// cannot be told from the error counts as zero too. The next sub-step is then the same problem again, and its
+    /// impulses come closer to the solution; grains that went on with such velocities would change the problem in
+    /// every sub-step.
     pub(crate) fn rest_within(&self, error: f64) -> f64 {
         let solved = self.tolerance * REST;
         self.rest().max(UNTOLD * error.min(solved).sqrt())

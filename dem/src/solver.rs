@@ -282,8 +282,7 @@ impl<const D: usize> Problem<D> {
 
     /// One pass over the contacts of all tiles that are awake; its sums.
     fn sweep<L: Law, const MOMENTUM: bool>(&mut self, beta: f64) -> Sums {
-        let (bodies, cohesion, bounds, rolling) =
-            (&self.bodies, &self.cohesion, &self.bounds, &self.rolling);
+        let (bodies, cohesion, bounds, rolling) = (&self.bodies, &self.cohesion, &self.bounds, &self.rolling);
         let (tiles, awake, fork) = (&self.tiles, &self.awake.tiles, self.awake.fork());
         let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], tile: usize| {
             if !awake[tile] {

@@ -30,7 +30,8 @@ fn spin(dem: &Dem<2>, i: usize) -> f64 {
     dem.particles.rotation.as_ref().unwrap().spin[i]
 }
 
-/// On a slope of tan(angle) > mu_r a disc rolls with a (1 + I/(m r^2)) = g (sin - mu_r cos), and below it does not move at all.
+/// On a slope of tan(angle) > mu_r a disc rolls with a (1 + I/(m r^2)) = g (sin - mu_r cos), and below it does not
+/// move at all.
 #[test]
 fn a_disc_rolls_down_slopes_above_its_resistance_only() {
     for (tangent, rolling) in [(0.3, 0.1), (0.2, 0.19), (0.1, 0.0)] {
@@ -61,7 +62,8 @@ fn a_disc_that_cannot_roll_slides() {
     assert!(spin(&dem, 0).abs() * R < 1e-10);
 }
 
-/// A disc that rolls at v0 on a level floor stops after v0^2 (1 + I/(m r^2)) / (2 mu_r g); a step adds or takes half of its way.
+/// A disc that rolls at v0 on a level floor stops after v0^2 (1 + I/(m r^2)) / (2 mu_r g); a step adds or takes half
+/// of its way.
 #[test]
 fn a_disc_that_rolls_comes_to_rest_where_it_should() {
     let (v0, rolling) = (1.0, 0.05);
@@ -81,8 +83,8 @@ fn a_disc_that_rolls_comes_to_rest_where_it_should() {
     assert!(errors[2] < 0.6 * errors[0], "{errors:?}");
 }
 
-/// Discs of different radii: R = r1 r2 / (r1 + r2). Two discs in free flight, pressed together by a force f, spin against each
-/// other and slow down by equal moments mu_r R f, so that the sum of I w stays.
+/// Discs of different radii: R = r1 r2 / (r1 + r2). Two discs in free flight, pressed together by a force f, spin
+/// against each other and slow down by equal moments mu_r R f, so that the sum of I w stays.
 #[test]
 fn two_discs_resist_by_their_effective_radius() {
     let (radii, rolling, force) = ([0.02, 0.05], 0.1, 3.0);
@@ -104,10 +106,11 @@ fn two_discs_resist_by_their_effective_radius() {
     assert_relative_eq!(spin(&dem, 1), 40.0 - moment / inertia[1] * 0.02, max_relative = 1e-9);
 }
 
-/// A wall that turns takes a grain along: it is the spin relative to the wall that is resisted, and the wall feels the moment.
+/// A wall that turns takes a grain along: it is the spin relative to the wall that is resisted, and the wall feels
+/// the moment.
 #[test]
 fn a_wall_that_turns_turns_the_disc_on_it() {
-    let rate = 0.5;
+    let rate = 0.01;
     let material = resisting(0.0, 0.5);
     let grains = discs(vec![v(0.0, R)], R, &material).rotating();
     let motion = Motion::Rotation { centre: V::zeros(), rate };
@@ -153,34 +156,37 @@ fn loose_bed(count: usize, rolling: f64, width: f64) -> Dem<2> {
     Dem::new(grains, walls, materials, Settings::default()).unwrap()
 }
 
-/// A bed that falls and comes to rest never gains energy, beyond that of overlaps that are taken back; at rest it needs no more
-/// sweeps than one without resistance, and it goes on bit for bit from its state.
+/// A bed that falls and comes to rest never gains energy, beyond that of overlaps that are taken back. With resistance
+/// no more of its steps are unsolved and it needs no more sweeps than without, none at rest. It goes on bit for bit
+/// from its state.
 #[test]
 fn beds_with_resistance_lose_energy_rest_and_go_on_from_their_state() {
-    let mut at_rest = vec![];
+    let mut sweeps = vec![];
     for rolling in [0.0, 0.2] {
-        let mut dem = loose_bed(1000, rolling, 30e-3);
+        let bed = || loose_bed(300, rolling, 20e-3);
+        let (mut dem, mut other) = (bed(), bed());
         let unit = dem.particles.mass.iter().sum::<f64>() * G * 1e-3;
-        let mut before = energy(&dem);
-        for _ in 0..600 {
-            let report = dem.step(5e-4, &Load::default());
-            assert!(report.converged, "{report:?}");
+        let (mut before, mut falling, mut unsolved) = (energy(&dem), 0, 0);
+        for _ in 0..1600 {
+            let report = dem.step(2.5e-4, &Load::default());
+            unsolved += usize::from(!report.converged);
             let now = energy(&dem);
             assert!(now <= before + 1e-3 * unit, "{rolling}: {}", (now - before) / unit);
-            before = now;
+            (before, falling) = (now, falling + report.sweeps);
         }
-        let mut other = loose_bed(1000, rolling, 30e-3);
         other.restore(dem.state()).unwrap();
-        let mut sweeps = 0;
+        let mut resting = 0;
         for _ in 0..100 {
-            sweeps += dem.step(5e-4, &Load::default()).sweeps;
-            other.step(5e-4, &Load::default());
+            resting += dem.step(2.5e-4, &Load::default()).sweeps;
+            other.step(2.5e-4, &Load::default());
         }
         assert_eq!(dem.state(), other.state());
-        at_rest.push(sweeps);
+        // Some of it is carried by moments.
+        assert_eq!(dem.state().forces().any(|f| f.rolling != 0.0), rolling > 0.0);
+        sweeps.push([unsolved, falling, resting]);
     }
-    println!("sweeps of a hundred steps at rest without and with resistance: {at_rest:?}");
-    assert!(at_rest[1] <= at_rest[0] + 100, "{at_rest:?}");
+    println!("unsolved steps, sweeps of a falling bed and at rest, without and with resistance: {sweeps:?}");
+    assert!((0..3).all(|k| sweeps[1][k] <= sweeps[0][k]) && sweeps[1][2] == 0, "{sweeps:?}");
 }
 
 /// What a restart would lose if the moments were not kept: the discs of a bed at rest that resist rolling carry them.
@@ -196,7 +202,8 @@ fn the_state_keeps_the_moments() {
     assert_relative_eq!(dem.contacts().next().unwrap().rolling, kept[0], max_relative = 1e-12);
 }
 
-/// Where a column of 1 mm grains between two walls is let go, the angle of the pile that is left, from its second moment.
+/// Where a column of 1 mm grains between two walls is let go, the angle of the pile that is left, from its second
+/// moment.
 fn pile(rolling: f64) -> f64 {
     let (width, count) = (20e-3, 600);
     let mut dem = loose_bed(count, rolling, width);
@@ -205,11 +212,13 @@ fn pile(rolling: f64) -> f64 {
     });
     let gone = |wall: &Wall<2>| wall.name == "floor";
     let walls: Vec<Wall<2>> = dem.walls().iter().filter(|wall| gone(wall)).cloned().collect();
-    let mut open = Dem::new(dem.particles.clone(), walls, dem.materials().to_vec(), Settings::default()).unwrap();
+    let mut open =
+        Dem::new(dem.particles.clone(), walls, dem.materials().to_vec(), Settings::default()).unwrap();
     (0..1500).for_each(|_| {
         open.step(5e-4, &Load::default());
     });
-    // A triangle of the base 2 b and the height h has the mean height h / 3 and the mean distance b / 3 from its middle.
+    // A triangle of the base 2 b and the height h has the mean height h / 3 and the mean distance b / 3 from its
+    // middle.
     let p = &open.particles;
     let middle = p.position.iter().map(|x| x.x).sum::<f64>() / count as f64;
     let height = p.position.iter().map(|x| x.y).sum::<f64>() / count as f64;
@@ -235,7 +244,8 @@ fn pairs_have_coefficients_of_their_own() {
         advance(&mut dem, 1e-3, 10);
         dem.particles.velocity[0].x == 0.0
     };
-    let pair = Pair { material: 0, other: Side::Wall(0), friction: None, restitution: None, rolling: Some(0.2) };
+    let pair =
+        Pair { material: 0, other: Side::Wall(0), friction: None, restitution: None, rolling: Some(0.2) };
     assert!(!stops(vec![]) && stops(vec![pair]));
 }
 
@@ -244,7 +254,8 @@ fn pairs_have_coefficients_of_their_own() {
 fn resistance_is_refused_where_it_cannot_be_had() {
     let material = resisting(0.5, 0.1);
     let grains = discs(vec![v(0.0, R)], R, &material);
-    let of = |grains: Particles<2>, settings| Dem::new(grains, vec![], vec![material.clone()], settings).err();
+    let of =
+        |grains: Particles<2>, settings| Dem::new(grains, vec![], vec![material.clone()], settings).err();
     assert!(of(grains.clone(), precise()).unwrap().to_string().contains("do not spin"));
     let interior = Settings { interior: true, ..precise() };
     assert!(of(grains.clone().rotating(), interior).unwrap().to_string().contains("interior-point"));

@@ -15,9 +15,9 @@ pub struct Material {
     /// Coulomb friction coefficient between grains; two materials meet with the smaller one. Default 0.
     #[serde(default)]
     pub friction: f64,
-    /// Coefficient of resistance to rolling between grains, 0 to 1: a contact resists the relative spin of its two grains by a moment
-    /// of up to this times R p, p being the normal force and R = r1 r2 / (r1 + r2), at a wall r. Two materials meet with the smaller one.
-    /// Grains must spin. Default 0.
+    /// Coefficient of resistance to rolling between grains, 0 to 1: a contact resists the relative spin of its two
+    /// grains by a moment of up to this times R p, p being the normal force and R = r1 r2 / (r1 + r2), at a wall r.
+    /// Two materials meet with the smaller one. Grains must spin. Default 0.
     #[serde(default)]
     pub rolling: f64,
     /// Coefficient of normal restitution, 0 to 1; two materials meet with the smaller one. Default 0.
@@ -388,13 +388,15 @@ pub struct Wall {
     /// `from` and `to` say where it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub along: Option<String>,
-    /// Name of one of the materials: friction, rolling, restitution and conductivity. Default: none, a perfect conductor of heat.
+    /// Name of one of the materials: friction, rolling, restitution and conductivity. Default: none, a perfect
+    /// conductor of heat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
     /// Coulomb friction coefficient between the wall and grains. Default: that of the material, or 0 without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
-    /// Coefficient of resistance to rolling between the wall and grains, 0 to 1. Default: that of the material, or 0 without one.
+    /// Coefficient of resistance to rolling between the wall and grains, 0 to 1. Default: that of the material, or 0
+    /// without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rolling: Option<f64>,
     /// Coefficient of normal restitution between the wall and grains. Default: that of the material, or 0 without one.
@@ -513,7 +515,8 @@ pub struct Pair {
     /// Coulomb friction coefficient. Default: the smaller one of the two, and at a wall that of the wall.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
-    /// Coefficient of resistance to rolling, 0 to 1. Default: the smaller one of the two, and at a wall that of the wall.
+    /// Coefficient of resistance to rolling, 0 to 1. Default: the smaller one of the two, and at a wall that of the
+    /// wall.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rolling: Option<f64>,
     /// Coefficient of normal restitution, 0 to 1. Default: the smaller one of the two, and at a wall that of the wall.

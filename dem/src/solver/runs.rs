@@ -15,7 +15,8 @@
 //! velocities does ([`Trend`](super::trend::Trend)). The sum of the three is the estimate.
 //!
 //! A contact that resists rolling has the rolling speed as one more row of H, and a natural map of its own
-//! ([`Rolling`](crate::rolling::Rolling)): what it says counts to the sum of r^2 / (2 rho) and to the columns of the corrections.
+//! ([`Rolling`](crate::rolling::Rolling)): what it says counts to the sum of r^2 / (2 rho) and to the columns of the
+//! corrections.
 //!
 //! **Rest.** Where contacts take all that forces bring to the grains but a small share, no velocity at all obeys the laws of the
 //! contacts with the same impulses: only that share of the forces is not balanced. Such grains stop, and the problem of the next

@@ -220,7 +220,8 @@ fn check_rolling(scene: &Scene, contacts: &crate::Contacts) -> Checked {
         .or(pair.map(|k| format!("contacts.pairs[{k}].rolling")));
     match key {
         Some(key) if !contacts.rotation => {
-            let message = format!("`{key}` resists rolling, but `contacts.rotation = false`: grains do not spin");
+            let message =
+                format!("`{key}` resists rolling, but `contacts.rotation = false`: grains do not spin");
             fail(scene, &key, message, "set `contacts.rotation = true`, or take the key away")
         }
         Some(key) if contacts.interior => {
