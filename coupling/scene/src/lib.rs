@@ -131,9 +131,7 @@ pub struct Event {
     /// When, s; the step that starts then or next is the first with the changes. Above 0; times of events increase.
     pub time: f64,
     /// Changes `"KEY=VALUE"`, written as for `voidage run --set`: friction, rolling, restitution, cohesion, sources
-    /// and sinks,
-    /// schemes, laws of the exchange,
-    /// conditions at boundaries of the fluid.
+    /// and sinks, schemes, laws of the exchange, conditions at boundaries of the fluid.
     pub set: Vec<String>,
 }
 
