@@ -19,7 +19,8 @@
 use crate::bodies::Bodies;
 use crate::contact::{Contact, Law};
 use crate::parallel;
-use crate::solver::{FORK, Problem};
+use crate::rolling::Rolling;
+use crate::solver::{FORK, Impulses, Problem};
 use crate::space::{Vector, cut, turned};
 use nodes::{COUPLED, NEAR, Nodes, offsets};
 use rayon::prelude::*;
@@ -40,6 +41,8 @@ pub(crate) struct Coarse<const D: usize> {
     nodes: Nodes<D>,
     /// Changes of all impulses in the last runs, the newest first.
     changes: [Vec<Kept<D>>; COLUMNS - 1],
+    /// The same of resistance to rolling; empty without.
+    rolled: [Vec<f32>; COLUMNS - 1],
     /// How many of them there are, and whether the newest still holds the impulses from which it will be measured.
     known: usize,
     marked: bool,
@@ -94,11 +97,11 @@ const CHUNKS: usize = 4;
 impl<const D: usize> Coarse<D> {
     /// Lays the nodes of another problem, whose contacts lie between two corners, and forgets the changes. The room for them, and for the impulses before a
     /// correction, is given back when many problems in a row have done without.
-    pub fn restart(&mut self, contacts: [Vector<D>; 2], radius: &[f64], uncorrected: &mut Vec<Vector<D>>) {
+    pub fn restart(&mut self, contacts: [Vector<D>; 2], radius: &[f64], uncorrected: &mut Impulses<D>) {
         self.idle += 1;
         if self.idle == IDLE {
-            self.changes = Default::default();
-            *uncorrected = vec![];
+            (self.changes, self.rolled) = Default::default();
+            *uncorrected = Impulses::default();
         }
         self.forget();
         self.nodes.lay(contacts, radius);
@@ -110,9 +113,10 @@ impl<const D: usize> Coarse<D> {
     }
 
     /// Marks the impulses before a run of sweeps.
-    pub fn mark(&mut self, contacts: &[Contact<D>]) {
+    pub fn mark(&mut self, contacts: &[Contact<D>], rolling: &[Rolling]) {
         if !self.marked {
             self.changes.rotate_right(1);
+            self.rolled.rotate_right(1);
             self.known = (self.known + 1).min(COLUMNS - 1);
         }
         self.marked = true;
@@ -121,15 +125,21 @@ impl<const D: usize> Coarse<D> {
         newest.clear();
         crate::reserve(newest, contacts.len());
         newest.extend(contacts.iter().map(|c| keep(&c.impulse)));
+        let newest = &mut self.rolled[0];
+        newest.clear();
+        crate::reserve(newest, rolling.len());
+        newest.extend(rolling.iter().map(|r| (r.impulse.get() * RANGE) as f32));
     }
 
     /// Takes what has changed since the mark as the newest column.
-    pub fn keep(&mut self, contacts: &[Contact<D>]) {
+    pub fn keep(&mut self, contacts: &[Contact<D>], rolling: &[Rolling]) {
         self.marked = false;
         self.changes[0]
             .iter_mut()
             .zip(contacts)
             .for_each(|(before, c)| *before = keep(&(c.impulse - kept(before))));
+        let rolled = self.rolled[0].iter_mut().zip(rolling);
+        rolled.for_each(|(before, r)| *before = (r.impulse.get() * RANGE - f64::from(*before)) as f32);
     }
 }
 
@@ -235,6 +245,15 @@ impl<const D: usize> Coarse<D> {
         if f == 0 { c.impulse } else { kept(&self.changes[f - 1 + usize::from(self.marked)][k]) }
     }
 
+    /// The same of the resistance to rolling.
+    #[inline(always)]
+    fn rolling_value(&self, r: &Rolling, f: usize, k: usize) -> f64 {
+        match f {
+            0 => r.impulse.get(),
+            _ => f64::from(self.rolled[f - 1 + usize::from(self.marked)][k]) / RANGE,
+        }
+    }
+
     fn assemble<L: Law, const F: usize>(&mut self, problem: &Problem<D>) {
         let (nodes, blocks) = (self.nodes.count(), offsets(D) * F * F);
         let mut chunks = std::mem::take(&mut self.chunks);
@@ -253,7 +272,7 @@ impl<const D: usize> Coarse<D> {
             let pushes = &mut pushes[..NEAR.pow(D as u32)];
             for slot in range(problem.position.len()) {
                 if problem.bodies.mobility(slot) > 0.0 && self.starts[slot] < self.starts[slot + 1] {
-                    let base = self.gather(problem, slot, pushes);
+                    let base = self.gather::<L, F>(problem, slot, pushes);
                     self.add(problem, slot, &base, pushes, &mut chunk.matrix);
                 }
             }
@@ -278,8 +297,13 @@ impl<const D: usize> Coarse<D> {
             // What friction takes away is not an error.
             u = c.normal * u.dot(&c.normal);
         }
-        let work: [f64; F] =
+        let mut work: [f64; F] =
             std::array::from_fn(|f| if f < columns { u.dot(&self.value(c, f, k)) } else { 0.0 });
+        if L::ROLLING && !problem.gives_way(k, c) {
+            let r = &problem.rolling[k];
+            let speed = r.speed(&problem.bodies, c.i, c.j);
+            (0..columns).for_each(|f| work[f] += speed * self.rolling_value(r, f, k));
+        }
         self.nodes.around(&problem.point(c), |node, weight| {
             let first = self.nodes.number(&node) * F;
             (0..columns).for_each(|f| known[first + f] -= weight * work[f]);
@@ -287,7 +311,7 @@ impl<const D: usize> Coarse<D> {
     }
 
     /// What the contacts of a grain give it, by node and column. Returns the first of its nodes.
-    fn gather<const F: usize>(
+    fn gather<L: Law, const F: usize>(
         &self,
         problem: &Problem<D>,
         slot: usize,
@@ -306,13 +330,19 @@ impl<const D: usize> Coarse<D> {
                         if f < columns { self.value(c, f, k as usize) } else { Vector::zeros() }
                     },
                 );
+            let mut moments: [f64; F] = std::array::from_fn(|f| -along.dot(&values[f]));
+            if L::ROLLING {
+                let r = &problem.rolling[k as usize];
+                let arm = sign * r.share[if c.i as usize == slot { 0 } else { 1 }];
+                (0..columns).for_each(|f| moments[f] += arm * self.rolling_value(r, f, k as usize));
+            }
             self.nodes.around(&problem.point(c), |node, weight| {
                 let near = (0..D)
                     .rev()
                     .fold(0, |index, a| index * NEAR + node[a].saturating_sub(base[a]).min(NEAR - 1));
                 for f in 0..columns {
                     pushes[near][f].0 += values[f] * (sign * weight);
-                    pushes[near][f].1 -= along.dot(&values[f]) * weight;
+                    pushes[near][f].1 += moments[f] * weight;
                 }
             });
         }
@@ -460,6 +490,12 @@ impl<const D: usize> Coarse<D> {
             c.impulse = c.normal * normal;
             if L::FRICTION {
                 c.impulse += cut(&c.normal, tangential, c.friction * (normal + cohesion));
+            }
+            if L::ROLLING {
+                let r = &problem.rolling[k];
+                let change: f64 = (0..columns).map(|f| self.rolling_value(r, f, k) * factors[f]).sum();
+                let most = r.most(normal + cohesion);
+                r.impulse.set((r.impulse.get() + change).max(-most).min(most));
             }
         };
         // Handing work to other threads allocates now and then.

@@ -19,8 +19,10 @@
 //!
 //! is solved by p_n = max(-c, p_n - (u_n + bias) / w_n), c the cohesion impulse; Coulomb's law for this p_n by
 //! the projection of p_t - u_t / w_t on the disc of radius mu (p_n + c). Both are exact: one contact needs one pass.
+//! With [resistance to rolling](crate::rolling) the tangential part has a second unknown, and is exact too.
 
-use crate::space::{Vector, cut};
+use crate::rolling::Rolling;
+use crate::space::{Vector, cut, turned};
 
 /// A contact as the sweeps see it; 72 bytes in the plane.
 #[derive(Clone, Copy, Debug)]
@@ -52,24 +54,27 @@ pub(crate) trait Law: Copy + Send + Sync {
     const FRICTION: bool;
     const SPIN: bool;
     const COHESION: bool;
+    const ROLLING: bool;
 }
 
 /// Signorini's condition alone.
 #[derive(Clone, Copy)]
 pub(crate) struct Frictionless;
-/// Coulomb's law; with spin of the grains, with cohesion, or both.
+/// Coulomb's law; with spin of the grains, with cohesion, or both; with spin also with resistance to rolling.
 #[derive(Clone, Copy)]
-pub(crate) struct Coulomb<const SPIN: bool, const COHESION: bool>;
+pub(crate) struct Coulomb<const SPIN: bool, const COHESION: bool, const ROLLING: bool = false>;
 
 impl Law for Frictionless {
     const FRICTION: bool = false;
     const SPIN: bool = false;
     const COHESION: bool = false;
+    const ROLLING: bool = false;
 }
-impl<const SPIN: bool, const COHESION: bool> Law for Coulomb<SPIN, COHESION> {
+impl<const SPIN: bool, const COHESION: bool, const ROLLING: bool> Law for Coulomb<SPIN, COHESION, ROLLING> {
     const FRICTION: bool = true;
     const SPIN: bool = SPIN;
     const COHESION: bool = COHESION;
+    const ROLLING: bool = ROLLING;
 }
 
 impl<const D: usize> Contact<D> {
@@ -97,6 +102,25 @@ impl<const D: usize> Contact<D> {
         }
         let trial = (p - n * pn) - (u - n * un) * self.mass_t;
         n * qn + cut(n, trial, bound.unwrap_or(self.friction * (qn - floor)))
+    }
+
+    /// The same with resistance to rolling, from its impulse `q` and the rolling speed `u_r`, in the plane: the
+    /// impulse, and q.
+    #[inline(always)]
+    pub fn solve_rolling<L: Law>(
+        &self,
+        (p, u): (&Vector<D>, &Vector<D>),
+        cohesion: f64,
+        bound: Option<f64>,
+        rolling: &Rolling,
+        [q, u_r]: [f64; 2],
+    ) -> (Vector<D>, f64) {
+        let (n, t) = (&self.normal, turned(&self.normal));
+        let floor = if L::COHESION { -cohesion } else { 0.0 };
+        let qn = (p.dot(n) - (u.dot(n) + self.bias) * self.mass_n).max(floor);
+        let most = [bound.unwrap_or(self.friction * (qn - floor)), rolling.most(qn - floor)];
+        let [tangential, q] = rolling.solve([p.dot(&t), q], [u.dot(&t), u_r], 1.0 / self.mass_t, most);
+        (n * qn + t * tangential, q)
     }
 
     /// The natural map r - P_K(r - rho (u + mu ||u_t|| n)) of FCLIB, an impulse: zero exactly at a solution, for any

@@ -4,7 +4,7 @@ use crate::bonds::Bonds;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::laws::Laws;
-use crate::memory::{Memory, Record, WALL};
+use crate::memory::{Beside, Memory, Record, WALL};
 use crate::parallel;
 use crate::penetration::Moved;
 use crate::repair;
@@ -86,6 +86,8 @@ pub struct Contact<const D: usize> {
     pub normal: Vector<D>,
     /// Mean force on the other side over the last sub-step, N (per metre of depth).
     pub force: Vector<D>,
+    /// Moment that resists rolling, on the other side, over the effective radius, N (per metre of depth).
+    pub rolling: f64,
     /// What the contact allowed the gap to close by in the last sub-step, m: the gap at its start (zero for grains
     /// that overlap), or less after an impact with restitution.
     pub gap: f64,
@@ -102,6 +104,8 @@ pub struct ContactForce<const D: usize> {
     pub force: Vector<D>,
     /// Time that the contact has lasted, s; of cohesion only.
     pub age: f64,
+    /// Moment that resists rolling, on the other side, over the effective radius, N (per metre of depth).
+    pub rolling: f64,
 }
 
 impl<const D: usize> State<D> {
@@ -113,6 +117,7 @@ impl<const D: usize> State<D> {
             partner: if r.j & WALL == 0 { Partner::Grain(r.j) } else { Partner::Wall(r.j & !WALL) },
             force: r.impulse / h,
             age: r.age,
+            rolling: r.rolling / h,
         })
     }
 }
@@ -182,7 +187,7 @@ impl<const D: usize> Dem<D> {
                 return Err(Error::Scene("conduction is on but the grains carry no heat".into()));
             }
         }
-        Ok(Self {
+        let dem = Self {
             contact_force: vec![Vector::zeros(); n],
             contact_heat: vec![0.0; if heat { n } else { 0 }],
             wall_force: vec![Vector::zeros(); walls.len()],
@@ -194,7 +199,32 @@ impl<const D: usize> Dem<D> {
             settings,
             laws,
             ..Self::default()
-        })
+        };
+        dem.check_rolling()?;
+        Ok(dem)
+    }
+
+    /// What is kept of contacts beside their impulses.
+    fn beside(&self) -> Beside {
+        let rolling = self.scene(1.0, &Load::default()).has_rolling();
+        Beside { ages: self.settings.cohesion.is_some(), rolling }
+    }
+
+    /// Resistance to rolling needs grains that spin, and a method that knows it.
+    fn check_rolling(&self) -> Result<()> {
+        if !self.scene(1.0, &Load::default()).has_rolling() {
+            return Ok(());
+        }
+        if D != 2 {
+            return Err(Error::PlaneOnly("resistance to rolling"));
+        }
+        if self.particles.rotation.is_none() && !self.particles.is_empty() {
+            return Err(Error::Scene("contacts resist rolling but the grains do not spin".into()));
+        }
+        match self.settings.interior {
+            true => Err(Error::Scene("the interior-point method knows no resistance to rolling".into())),
+            false => Ok(()),
+        }
     }
 
     /// Advances by `dt` seconds under a load.
@@ -383,7 +413,7 @@ impl<const D: usize> Dem<D> {
                 self.wall_force[(r.j & !WALL) as usize] += r.impulse;
             }
         }
-        self.memory.store(n, h, self.settings.cohesion.is_some(), || search.records(&problem, h));
+        self.memory.store(n, h, self.beside(), || search.records(&problem, h));
         if last {
             report.candidates = problem.contacts.len();
             report.contacts = problem.contacts.iter().filter(|c| c.acts()).count();
@@ -399,13 +429,18 @@ impl<const D: usize> Dem<D> {
             return;
         }
         let n = search.grid.grain_of.len();
-        for c in problem.contacts.iter().filter(|c| c.j as usize >= n && c.acts()) {
+        let contacts = problem.contacts.iter().enumerate();
+        for (k, c) in contacts.filter(|(_, c)| c.j as usize >= n && c.acts()) {
             let wall = search.touches[c.j as usize - n].wall as usize;
             let Some(pivot) = self.walls[wall].pivot(self.time) else { continue };
             let grain = &self.particles.position[search.grid.grain_of[c.i as usize] as usize];
             let placed = &self.placed[wall];
             let arm = placed.point(placed.nearest(grain)) - pivot;
             self.wall_torque[wall] += arm[0] * c.impulse[1] - arm[1] * c.impulse[0];
+            if let Some(rolling) = problem.rolling.get(k) {
+                let i = search.grid.grain_of[c.i as usize] as usize;
+                self.wall_torque[wall] += rolling.impulse.get() * self.particles.radius[i];
+            }
         }
     }
 
@@ -506,7 +541,7 @@ impl<const D: usize> Dem<D> {
     pub fn contacts(&self) -> impl Iterator<Item = Contact<D>> + '_ {
         let n = self.search.grid.grain_of.len();
         let h = self.memory.h;
-        self.problem.contacts.iter().map(move |c| Contact {
+        self.problem.contacts.iter().enumerate().map(move |(k, c)| Contact {
             grain: self.search.grid.grain_of[c.i as usize],
             partner: if (c.j as usize) < n {
                 Partner::Grain(self.search.grid.grain_of[c.j as usize])
@@ -515,6 +550,7 @@ impl<const D: usize> Dem<D> {
             },
             normal: c.normal,
             force: c.impulse / h,
+            rolling: self.problem.rolling.get(k).map_or(0.0, |r| r.impulse.get() / h),
             gap: c.bias * h,
         })
     }
@@ -549,9 +585,10 @@ impl<const D: usize> Dem<D> {
                 },
                 impulse: f.force,
                 age: f.age,
+                rolling: f.rolling,
             })
         };
-        self.memory.store(self.particles.len(), 1.0, self.settings.cohesion.is_some(), records);
+        self.memory.store(self.particles.len(), 1.0, self.beside(), records);
     }
 
     /// Time, s.

@@ -30,6 +30,7 @@ mod particles;
 mod passage;
 mod penetration;
 mod repair;
+mod rolling;
 mod saved;
 mod scene;
 mod search;

@@ -17,6 +17,15 @@ pub(crate) struct Memory<const D: usize> {
     impulse: Vec<Vector<D>>,
     /// Time that a contact has lasted, s; empty without cohesion.
     age: Vec<f64>,
+    /// Rolling moment on the partner over the effective radius, N s; empty without resistance to rolling.
+    rolling: Vec<f64>,
+}
+
+/// What is kept of contacts beside their impulses.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beside {
+    pub ages: bool,
+    pub rolling: bool,
 }
 
 /// One contact by its identity.
@@ -29,6 +38,8 @@ pub(crate) struct Record<const D: usize> {
     /// On the second, N s.
     pub impulse: Vector<D>,
     pub age: f64,
+    /// Rolling moment on the second over the effective radius, N s.
+    pub rolling: f64,
 }
 
 impl<const D: usize> Record<D> {
@@ -37,26 +48,28 @@ impl<const D: usize> Record<D> {
         if self.j < self.i {
             std::mem::swap(&mut self.i, &mut self.j);
             self.impulse = -self.impulse;
+            self.rolling = -self.rolling;
         }
         self
     }
 }
 
 impl<const D: usize> Memory<D> {
-    /// Impulse on the second grain and age of a contact; zero if it is new.
-    pub fn find(&self, i: u32, j: u32) -> (Vector<D>, f64) {
+    /// Impulse on the second grain, age and rolling impulse of a contact; zero if it is new.
+    pub fn find(&self, i: u32, j: u32) -> (Vector<D>, f64, f64) {
         let (owner, partner, sign) = if i < j { (i, j, 1.0) } else { (j, i, -1.0) };
         let Some(&[first, end]) =
             self.starts.get(owner as usize..owner as usize + 2).and_then(|s| s.first_chunk())
         else {
-            return (Vector::zeros(), 0.0);
+            return (Vector::zeros(), 0.0, 0.0);
         };
         for k in first as usize..end as usize {
             if self.partner[k] == partner {
-                return (self.impulse[k] * sign, self.age.get(k).copied().unwrap_or(0.0));
+                let rolling = self.rolling.get(k).map_or(0.0, |q| q * sign);
+                return (self.impulse[k] * sign, self.age.get(k).copied().unwrap_or(0.0), rolling);
             }
         }
-        (Vector::zeros(), 0.0)
+        (Vector::zeros(), 0.0, 0.0)
     }
 
     /// All contacts by the numbers of their grains.
@@ -67,6 +80,7 @@ impl<const D: usize> Memory<D> {
                 j: self.partner[k],
                 impulse: self.impulse[k],
                 age: self.age.get(k).copied().unwrap_or(0.0),
+                rolling: self.rolling.get(k).copied().unwrap_or(0.0),
             })
         })
     }
@@ -89,8 +103,9 @@ impl<const D: usize> Memory<D> {
                 records.push(Record { i, j, ..r });
             }
         }
-        let (h, aged) = (self.h, !self.age.is_empty());
-        self.store(next as usize, h, aged, || records.iter().copied());
+        let h = self.h;
+        let beside = Beside { ages: !self.age.is_empty(), rolling: !self.rolling.is_empty() };
+        self.store(next as usize, h, beside, || records.iter().copied());
     }
 
     /// Makes room for so many grains; those that are new have no contacts.
@@ -102,7 +117,7 @@ impl<const D: usize> Memory<D> {
     }
 
     /// Keeps the given contacts; `records` may be walked twice.
-    pub fn store<I>(&mut self, grains: usize, h: f64, aged: bool, records: impl Fn() -> I)
+    pub fn store<I>(&mut self, grains: usize, h: f64, beside: Beside, records: impl Fn() -> I)
     where
         I: Iterator<Item = Record<D>>,
     {
@@ -123,7 +138,8 @@ impl<const D: usize> Memory<D> {
         crate::reserve(&mut self.impulse, count);
         self.partner.resize(count, 0);
         self.impulse.resize(count, Vector::zeros());
-        self.age.resize(if aged { count } else { 0 }, 0.0);
+        self.age.resize(if beside.ages { count } else { 0 }, 0.0);
+        self.rolling.resize(if beside.rolling { count } else { 0 }, 0.0);
         for r in records() {
             let r = r.sorted();
             let s = &mut self.starts[r.i as usize];
@@ -131,8 +147,11 @@ impl<const D: usize> Memory<D> {
             let k = *s as usize;
             self.partner[k] = r.j;
             self.impulse[k] = r.impulse;
-            if aged {
+            if beside.ages {
                 self.age[k] = r.age;
+            }
+            if beside.rolling {
+                self.rolling[k] = r.rolling;
             }
         }
     }
@@ -142,42 +161,44 @@ impl<const D: usize> Memory<D> {
 mod tests {
     use super::*;
 
+    const ALL: Beside = Beside { ages: true, rolling: true };
+
     #[test]
     fn contacts_of_grains_that_leave_are_forgotten_and_the_others_keep_theirs() {
         let p = Vector::<2>::new(1.0, 2.0);
         let records = [
-            Record { i: 0, j: 1, impulse: p, age: 4.0 },
-            Record { i: 1, j: 3, impulse: p * 2.0, age: 5.0 },
-            Record { i: 3, j: WALL + 1, impulse: p * 3.0, age: 6.0 },
-            Record { i: 2, j: 3, impulse: p * 4.0, age: 7.0 },
+            Record { i: 0, j: 1, impulse: p, age: 4.0, rolling: 0.4 },
+            Record { i: 1, j: 3, impulse: p * 2.0, age: 5.0, rolling: 0.5 },
+            Record { i: 3, j: WALL + 1, impulse: p * 3.0, age: 6.0, rolling: 0.6 },
+            Record { i: 2, j: 3, impulse: p * 4.0, age: 7.0, rolling: 0.7 },
         ];
         let mut memory = Memory::default();
-        memory.store(4, 0.5, true, || records.into_iter());
+        memory.store(4, 0.5, ALL, || records.into_iter());
         memory.retain(&[false, true, true, true]);
         assert_eq!(memory.h, 0.5);
-        assert_eq!(memory.find(0, 2), (p * 2.0, 5.0));
-        assert_eq!(memory.find(2, WALL + 1), (p * 3.0, 6.0));
-        assert_eq!(memory.find(2, 1), (-p * 4.0, 7.0));
-        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0.0));
+        assert_eq!(memory.find(0, 2), (p * 2.0, 5.0, 0.5));
+        assert_eq!(memory.find(2, WALL + 1), (p * 3.0, 6.0, 0.6));
+        assert_eq!(memory.find(2, 1), (-p * 4.0, 7.0, -0.7));
+        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0.0, 0.0));
         memory.retain(&[true, true, false]);
-        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0.0));
+        assert_eq!(memory.find(0, 1), (Vector::zeros(), 0.0, 0.0));
     }
 
     #[test]
     fn contacts_are_found_from_either_side() {
         let p = Vector::<2>::new(1.0, 2.0);
         let records = [
-            Record { i: 3, j: 1, impulse: p, age: 4.0 },
-            Record { i: 1, j: WALL + 7, impulse: p * 2.0, age: 0.0 },
-            Record { i: 0, j: 1, impulse: p * 3.0, age: 1.0 },
+            Record { i: 3, j: 1, impulse: p, age: 4.0, rolling: 0.4 },
+            Record { i: 1, j: WALL + 7, impulse: p * 2.0, age: 0.0, rolling: 0.0 },
+            Record { i: 0, j: 1, impulse: p * 3.0, age: 1.0, rolling: 0.1 },
         ];
         let mut memory = Memory::default();
-        memory.store(5, 1.0, true, || records.into_iter());
-        assert_eq!(memory.find(3, 1), (p, 4.0));
-        assert_eq!(memory.find(1, 3), (-p, 4.0));
-        assert_eq!(memory.find(1, WALL + 7), (p * 2.0, 0.0));
-        assert_eq!(memory.find(0, 1), (p * 3.0, 1.0));
-        assert_eq!(memory.find(2, 4), (Vector::zeros(), 0.0));
-        assert_eq!(memory.find(9, 14), (Vector::zeros(), 0.0));
+        memory.store(5, 1.0, ALL, || records.into_iter());
+        assert_eq!(memory.find(3, 1), (p, 4.0, 0.4));
+        assert_eq!(memory.find(1, 3), (-p, 4.0, -0.4));
+        assert_eq!(memory.find(1, WALL + 7), (p * 2.0, 0.0, 0.0));
+        assert_eq!(memory.find(0, 1), (p * 3.0, 1.0, 0.1));
+        assert_eq!(memory.find(2, 4), (Vector::zeros(), 0.0, 0.0));
+        assert_eq!(memory.find(9, 14), (Vector::zeros(), 0.0, 0.0));
     }
 }

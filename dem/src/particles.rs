@@ -16,6 +16,10 @@ pub struct Material {
     /// Coulomb's coefficient between grains; two materials meet with the smaller one.
     #[serde(default)]
     pub friction: f64,
+    /// Coefficient mu_r of resistance to rolling, 0 to 1, in the plane: a contact resists a relative spin by a moment
+    /// of up to mu_r R p_n, R = r1 r2 / (r1 + r2); two materials meet with the smaller one.
+    #[serde(default)]
+    pub rolling: f64,
     /// Newton's coefficient of restitution, 0 to 1; two materials meet with the smaller one.
     #[serde(default)]
     pub restitution: f64,
@@ -44,6 +48,7 @@ impl Default for Material {
             density: 2500.0,
             solidity: 1.0,
             friction: 0.0,
+            rolling: 0.0,
             restitution: 0.0,
             young: 0.0,
             poisson: 0.0,
@@ -68,6 +73,7 @@ impl Material {
             "it must be 0 or more",
             || at("friction"),
         )?;
+        check((0.0..=1.0).contains(&self.rolling), self.rolling, "it must lie in 0 .. 1", || at("rolling"))?;
         check((0.0..=1.0).contains(&self.restitution), self.restitution, "it must lie in 0 .. 1", || {
             at("restitution")
         })?;

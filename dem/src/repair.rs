@@ -8,7 +8,7 @@
 
 use crate::bodies::Bodies;
 use crate::scene::Scene;
-use crate::solver::{Grains, Outcome, Problem, Stopping};
+use crate::solver::{Grains, Impulses, Outcome, Problem, Stopping};
 use crate::space::Vector;
 
 /// Share of the energy of the velocities that take overlaps back which their error may have.
@@ -16,8 +16,8 @@ const REPAIRED: f64 = 0.1;
 /// Sweeps at most for it: what is left is taken back in the sub-steps that follow.
 const REPAIR_SWEEPS: usize = 100;
 /// Overlap, as a share of the smaller radius, from which overlaps are taken back, and the part of it that stays.
-/// Every repair lifts what lies above, and opens and closes other contacts: if it took back what contacts may close by in one
-/// sub-step, large beds, where one of them always does, would never rest.
+/// Every repair lifts what lies above, and opens and closes other contacts: if it took back what contacts may close
+/// by in one sub-step, large beds, where one of them always does, would never rest.
 const DEEP: f64 = 7e-3;
 pub(crate) const LEFT: f64 = 3.5e-3;
 
@@ -35,7 +35,8 @@ pub(crate) fn repair<const D: usize>(
     stopping: &Stopping,
 ) -> (Vec<Vector<D>>, Outcome) {
     let state = problem.bodies.state();
-    let impulses: Vec<Vector<D>> = problem.contacts.iter().map(|c| c.impulse).collect();
+    let mut impulses = Impulses::default();
+    problem.keep_impulses(&mut impulses);
     let stopping = Stopping {
         tolerance: REPAIRED,
         max_sweeps: REPAIR_SWEEPS.min(stopping.max_sweeps),
@@ -64,7 +65,7 @@ pub(crate) fn repair<const D: usize>(
         false => vec![],
     };
     problem.bodies.set_state(&state);
-    problem.contacts.iter_mut().zip(&impulses).for_each(|(c, p)| c.impulse = *p);
+    problem.put_impulses(&impulses);
     problem
         .overlaps
         .iter()

@@ -2,8 +2,10 @@
 
 use crate::bodies::Bodies;
 use crate::contact::Contact;
-use crate::laws::{self, Laws};
+use crate::laws::{self, Law, Laws};
+use crate::memory::WALL;
 use crate::parallel;
+use crate::rolling::Rolling;
 use crate::space::Vector;
 use crate::walls::{Placed, Wall};
 use crate::{Heat, Load, Material, Particles, Settings};
@@ -145,8 +147,47 @@ impl<const D: usize> Scene<'_, D> {
         }
     }
 
+    pub fn has_rolling(&self) -> bool {
+        match self.laws {
+            Some(laws) => laws.have_rolling(),
+            None => {
+                let of_grains = self.materials.iter().any(|m| m.rolling > 0.0);
+                of_grains || self.walls.iter().any(|w| w.rolling > 0.0)
+            }
+        }
+    }
+
     pub fn sticky(&self, i: u32) -> bool {
         self.load.cohesive.get(i as usize).copied().unwrap_or(true)
+    }
+
+    fn law_between(&self, a: u8, b: u8) -> Law {
+        match self.laws {
+            Some(laws) => laws.of_grains(a, b),
+            None => laws::between(&self.materials[a as usize], &self.materials[b as usize]),
+        }
+    }
+
+    fn law_at(&self, w: u32, material: u8) -> Law {
+        let wall = &self.walls[w as usize];
+        match self.laws {
+            Some(laws) => laws.of_wall(w, material),
+            None => [wall.restitution, wall.friction, wall.rolling],
+        }
+    }
+
+    /// Resistance to rolling between grain i and grain j, or the wall of number `j` less [`WALL`].
+    pub fn rolling(&self, slots: [u32; 2], [i, j]: [u32; 2], bodies: &Bodies<D>) -> Rolling {
+        let (p, i) = (self.particles, i as usize);
+        let (r, material) = (p.radius[i], p.material[i]);
+        if j & WALL != 0 {
+            let w = j & !WALL;
+            let drift = r * self.placed[w as usize].spin();
+            return Rolling::new(bodies, slots, [1.0, 0.0], drift, self.law_at(w, material)[2]);
+        }
+        let (other, of) = (p.radius[j as usize], p.material[j as usize]);
+        let share = [other / (r + other), r / (r + other)];
+        Rolling::new(bodies, slots, share, 0.0, self.law_between(material, of)[2])
     }
 
     pub fn between_grains(&self, slots: [u32; 2], [i, j]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
@@ -157,10 +198,7 @@ impl<const D: usize> Scene<'_, D> {
         let gap = distance - p.radius[i] - p.radius[j];
         let (a, b) = (p.material[i], p.material[j]);
         let before = (p.velocity[j] - p.velocity[i]).dot(&normal);
-        let law = match self.laws {
-            Some(laws) => laws.of_grains(a, b),
-            None => laws::between(&self.materials[a as usize], &self.materials[b as usize]),
-        };
+        let law = self.law_between(a, b);
         let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
     }
@@ -177,17 +215,14 @@ impl<const D: usize> Scene<'_, D> {
     /// The contact of grain i with a wall whose body is there, and its gap.
     pub fn with_wall(&self, slots: [u32; 2], [i, w]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
         let (p, i) = (self.particles, i as usize);
-        let (wall, placed) = (&self.walls[w as usize], &self.placed[w as usize]);
+        let placed = &self.placed[w as usize];
         let share = placed.nearest(&p.position[i]);
         let arm = placed.point(share) - p.position[i];
         let distance = arm.norm();
         let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
         let gap = distance - p.radius[i];
         let before = (bodies.velocity(slots[1] as usize) - p.velocity[i]).dot(&normal);
-        let law = match self.laws {
-            Some(laws) => laws.of_wall(w, p.material[i]),
-            None => [wall.restitution, wall.friction],
-        };
+        let law = self.law_at(w, p.material[i]);
         let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
     }
@@ -200,7 +235,7 @@ impl<const D: usize> Scene<'_, D> {
         normal: Vector<D>,
         gap: f64,
         before: f64,
-        [restitution, friction]: [f64; 2],
+        [restitution, friction, _]: Law,
         bodies: &Bodies<D>,
     ) -> Contact<D> {
         let (a, b) = (i as usize, j as usize);

@@ -6,6 +6,7 @@ use crate::memory::{Memory, Record, WALL};
 use crate::neighbours::Grid;
 use crate::parallel;
 use crate::repair::LEFT;
+use crate::rolling::Rolling;
 use crate::scene::{Scene, Touch};
 use crate::solver::{FORK, Problem};
 use crate::space::Vector;
@@ -271,8 +272,25 @@ impl<const D: usize> Search<D> {
         let filler = Filler { scene, memory, bodies: &problem.bodies, grain_of, touches, from_rest };
         let slices = (&mut problem.contacts[..], &mut problem.cohesion[..], &mut self.ages[..]);
         filler.fill(&mut self.chunks, 0, &self.pairs, slices);
+        self.fill_rolling(scene, memory, problem);
         problem.overlaps.clear();
         self.chunks.iter().for_each(|chunk| problem.overlaps.extend_from_slice(&chunk.overlaps));
+    }
+
+    /// Resistance to rolling at the contacts, warm-started; none if no contact has it or nothing spins.
+    fn fill_rolling(&self, scene: &Scene<D>, memory: &Memory<D>, problem: &mut Problem<D>) {
+        problem.rolling.clear();
+        if !scene.has_rolling() || !problem.bodies.spins() {
+            return;
+        }
+        crate::reserve(&mut problem.rolling, problem.contacts.len());
+        let ratio = if memory.h > 0.0 { scene.h / memory.h } else { 0.0 };
+        for c in &problem.contacts {
+            let (i, j) = (self.grid.grain_of[c.i as usize], self.partner(c));
+            let rolling = scene.rolling([c.i, c.j], [i, j], &problem.bodies);
+            rolling.impulse.set(memory.find(i, j).2 * ratio);
+            problem.rolling.push(rolling);
+        }
     }
 
     /// Whether no contact was missed: all final velocities keep within what the search assumed, or those
@@ -339,7 +357,8 @@ impl<const D: usize> Search<D> {
         problem.contacts.iter().enumerate().filter_map(move |(k, c)| {
             let (i, j) = (self.grid.grain_of[c.i as usize], self.partner(c));
             let age = self.ages.get(k).map_or(0.0, |a| a + older);
-            (c.acts() || age > 0.0).then_some(Record { i, j, impulse: c.impulse, age })
+            let rolling = problem.rolling.get(k).map_or(0.0, |r: &Rolling| r.impulse.get());
+            (c.acts() || age > 0.0).then_some(Record { i, j, impulse: c.impulse, age, rolling })
         })
     }
 }
@@ -405,7 +424,7 @@ impl<const D: usize> Filler<'_, D> {
             (*contact, gap) = scene.with_wall([a, slot], [i, j & !WALL], self.bodies);
             smaller = radius[i as usize];
         }
-        let (impulse, age) = self.memory.find(i, j);
+        let (impulse, age, _) = self.memory.find(i, j);
         let ratio = if self.memory.h > 0.0 { scene.h / self.memory.h } else { 0.0 };
         contact.impulse = if self.from_rest { cold_start(scene, i, j, contact) } else { impulse * ratio };
         if let (Some((cohesion, kept)), Some(law)) = (glue, &scene.settings.cohesion) {

@@ -74,6 +74,8 @@ pub struct Pair {
     pub friction: Option<f64>,
     /// Newton's coefficient of restitution; none: as without the pair.
     pub restitution: Option<f64>,
+    /// Coefficient of resistance to rolling, 0 to 1; none: as without the pair.
+    pub rolling: Option<f64>,
 }
 
 /// The other side of a [`Pair`].
@@ -119,9 +121,10 @@ impl<const D: usize> Settings<D> {
         (RESTS * self.tolerance * REST).sqrt()
     }
 
-    /// The same after a sub-step whose velocities have an error of this share of the energy that forces bring: what cannot be told
-    /// from the error counts as zero too. The next sub-step is then the same problem again, and its impulses come closer to the
-    /// solution; grains that went on with such velocities would change the problem in every sub-step.
+    /// The same after a sub-step whose velocities have an error of this share of the energy that forces bring: what
+    /// cannot be told from the error counts as zero too. The next sub-step is then the same problem again, and its
+    /// impulses come closer to the solution; grains that went on with such velocities would change the problem in
+    /// every sub-step.
     pub(crate) fn rest_within(&self, error: f64) -> f64 {
         let solved = self.tolerance * REST;
         self.rest().max(UNTOLD * error.min(solved).sqrt())
@@ -145,6 +148,10 @@ impl<const D: usize> Settings<D> {
             let restitution = pair.restitution.unwrap_or(0.0);
             check((0.0..=1.0).contains(&restitution), restitution, "it must lie in 0 .. 1", || {
                 "restitution of a pair".into()
+            })?;
+            let rolling = pair.rolling.unwrap_or(0.0);
+            check((0.0..=1.0).contains(&rolling), rolling, "it must lie in 0 .. 1", || {
+                "rolling resistance of a pair".into()
             })?;
         }
         if let Some(c) = &self.cohesion {

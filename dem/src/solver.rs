@@ -34,6 +34,7 @@ use crate::coarse::Coarse;
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
 use crate::interior::{self, Free, Friction};
 use crate::momentum::Momentum;
+use crate::rolling::Rolling;
 use crate::space::Vector;
 use awake::Awake;
 use runs::Measure;
@@ -60,6 +61,8 @@ pub(crate) struct Problem<const D: usize> {
     pub overlaps: Vec<(u32, f64)>,
     /// Cohesion impulse of each contact, N s; empty without cohesion.
     pub cohesion: Vec<f64>,
+    /// Resistance to rolling of each contact; empty without.
+    pub rolling: Vec<Rolling>,
     pub tiles: Tiles,
     pub friction: bool,
     /// What friction may reach at each contact once strong friction lags, N s; empty before, and where none is strong.
@@ -69,8 +72,15 @@ pub(crate) struct Problem<const D: usize> {
     /// The grains that contacts push and that do not rest, when the problem was near its solution last.
     pub moving: Vec<bool>,
     /// Impulses before the last correction over long distances.
-    uncorrected: Vec<Vector<D>>,
+    uncorrected: Impulses<D>,
     coarse: Coarse<D>,
+}
+
+/// Impulses of all contacts, and those of their resistance to rolling, N s.
+#[derive(Default)]
+pub(crate) struct Impulses<const D: usize> {
+    contacts: Vec<Vector<D>>,
+    rolling: Vec<f64>,
 }
 
 /// When to stop.
@@ -197,6 +207,12 @@ const UNSOLVED_BODIES: usize = 1000;
 impl<const D: usize> Problem<D> {
     /// Solves with the law that the scene needs, chosen once.
     pub fn solve(&mut self, stopping: &Stopping, grains: &Grains<D>) -> Outcome {
+        if !self.rolling.is_empty() {
+            return match self.cohesion.is_empty() {
+                true => self.solve_with::<Coulomb<true, false, true>>(stopping, grains),
+                false => self.solve_with::<Coulomb<true, true, true>>(stopping, grains),
+            };
+        }
         match (self.friction, self.bodies.spins(), !self.cohesion.is_empty()) {
             (false, _, false) => self.solve_with::<Frictionless>(stopping, grains),
             (true, false, false) => self.solve_with::<Coulomb<false, false>>(stopping, grains),
@@ -225,11 +241,12 @@ impl<const D: usize> Problem<D> {
         }
         let mut again = 0;
         if lacks > 1.0 {
-            let impulses: Vec<Vector<D>> = self.contacts.iter().map(|c| c.impulse).collect();
+            let mut impulses = Impulses::default();
+            self.keep_impulses(&mut impulses);
             let state = self.bodies.state();
             again = self.sweeps::<L>(stopping, grains).sweeps;
             if free.judge(self, &mut judge) >= lacks {
-                self.contacts.iter_mut().zip(&impulses).for_each(|(c, p)| c.impulse = *p);
+                self.put_impulses(&impulses);
                 self.bodies.set_state(&state);
             }
         }
@@ -265,7 +282,7 @@ impl<const D: usize> Problem<D> {
 
     /// One pass over the contacts of all tiles that are awake; its sums.
     fn sweep<L: Law, const MOMENTUM: bool>(&mut self, beta: f64) -> Sums {
-        let (bodies, cohesion, bounds) = (&self.bodies, &self.cohesion, &self.bounds);
+        let (bodies, cohesion, bounds, rolling) = (&self.bodies, &self.cohesion, &self.bounds, &self.rolling);
         let (tiles, awake, fork) = (&self.tiles, &self.awake.tiles, self.awake.fork());
         let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], tile: usize| {
             if !awake[tile] {
@@ -283,6 +300,22 @@ impl<const D: usize> Problem<D> {
                     start += (before - last[k]) * beta;
                     last[k] = before;
                 }
+                if L::ROLLING {
+                    let rolling = &rolling[first + k];
+                    let rolled = rolling.impulse.get();
+                    let mut start_rolling = rolled;
+                    if MOMENTUM {
+                        start_rolling += (rolled - rolling.last.get()) * beta;
+                        rolling.last.set(rolled);
+                    }
+                    let (step, turned) =
+                        relax_rolling::<L, D>(bodies, c, (&start, start_rolling), cohesion, bound, rolling);
+                    change += step.norm_squared() + turned * turned;
+                    if MOMENTUM {
+                        turn -= step.dot(&(c.impulse - before)) + turned * (rolling.impulse.get() - rolled);
+                    }
+                    continue;
+                }
                 let step = relax::<L, D>(bodies, c, &start, cohesion, bound);
                 change += step.norm_squared();
                 if MOMENTUM {
@@ -296,7 +329,7 @@ impl<const D: usize> Problem<D> {
 
     /// What the natural map r of the present impulses and velocities says; r / rho is the speed by which a contact is violated.
     fn look<L: Law>(&mut self) -> Look {
-        let (bodies, cohesion, radius) = (&self.bodies, &self.cohesion, &self.radius);
+        let (bodies, cohesion, radius, rolling) = (&self.bodies, &self.cohesion, &self.radius, &self.rolling);
         let count = self.tiles.len();
         crate::reserve(&mut self.tiles.found, count);
         self.tiles.found.resize_with(count, Default::default);
@@ -308,7 +341,15 @@ impl<const D: usize> Problem<D> {
                 let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
                 let (rho, [square, size]) = natural_map::<L, D>(bodies, c, &u, cohesion);
                 let (r, p) = (square.sqrt(), size.sqrt());
-                let energies = [0.5 * square / rho, r / rho * (r + p), 0.5 * size / rho];
+                let mut energies = [0.5 * square / rho, r / rho * (r + p), 0.5 * size / rho];
+                let [mut square, mut size] = [square, size];
+                if L::ROLLING {
+                    let (rho, [map, own]) = rolling_map(bodies, c, cohesion, &rolling[first + k]);
+                    let (r, q) = (map.sqrt(), own.sqrt());
+                    let more = [0.5 * map / rho, r / rho * (r + q), 0.5 * own / rho];
+                    energies = std::array::from_fn(|e| energies[e] + more[e]);
+                    (square, size) = (square + map, size + own);
+                }
                 let turned = 0.5 * p / (rho * smaller(radius, c));
                 let closing = -(u.dot(&c.normal) + c.bias) / smaller(radius, c);
                 let [rough, bound, carried] = energies;
@@ -347,6 +388,22 @@ impl<const D: usize> Problem<D> {
         before
     }
 
+    /// Copies all impulses.
+    pub fn keep_impulses(&self, kept: &mut Impulses<D>) {
+        kept.contacts.clear();
+        crate::reserve(&mut kept.contacts, self.contacts.len());
+        kept.contacts.extend(self.contacts.iter().map(|c| c.impulse));
+        kept.rolling.clear();
+        crate::reserve(&mut kept.rolling, self.rolling.len());
+        kept.rolling.extend(self.rolling.iter().map(|r| r.impulse.get()));
+    }
+
+    /// Puts copied impulses back.
+    pub fn put_impulses(&mut self, kept: &Impulses<D>) {
+        self.contacts.iter_mut().zip(&kept.contacts).for_each(|(c, p)| c.impulse = *p);
+        self.rolling.iter().zip(&kept.rolling).for_each(|(r, q)| r.impulse.set(*q));
+    }
+
     /// The deepest overlap at the start of the sub-step as a share of the smaller radius.
     pub fn deepest_overlap(&self) -> f64 {
         self.overlaps.iter().fold(0.0, |most, (_, gap)| most.max(-gap))
@@ -359,6 +416,13 @@ impl<const D: usize> Problem<D> {
             let rubbed = c.impulse - c.normal * c.impulse.dot(&c.normal);
             rubbed.norm() >= STICKS * c.friction * self.pressed(k, c)
         }
+    }
+
+    /// Whether resistance to rolling is at its limit.
+    #[inline(always)]
+    pub fn gives_way(&self, k: usize, c: &Contact<D>) -> bool {
+        let r = &self.rolling[k];
+        r.impulse.get().abs() >= STICKS * r.most(self.pressed(k, c))
     }
 
     /// What a contact presses with, cohesion included, N s; 0 for one that gives way, which pulls with its cohesion but for
@@ -390,8 +454,13 @@ impl<const D: usize> Problem<D> {
 
     /// Adds all impulses to the velocities: the warm start, and the exact velocities at the end.
     pub fn apply_impulses(&mut self) {
-        let bodies = &self.bodies;
-        let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], _: usize| {
+        let (bodies, tiles, rolling) = (&self.bodies, &self.tiles, &self.rolling);
+        let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], tile: usize| {
+            if !rolling.is_empty() {
+                for (c, r) in contacts.iter().zip(&rolling[tiles.contacts(tile)]) {
+                    r.turn(bodies, c.i, c.j, r.impulse.get());
+                }
+            }
             for c in contacts.iter() {
                 let (i, j) = (c.i as usize, c.j as usize);
                 if bodies.spins() {
@@ -419,6 +488,17 @@ fn natural_map<L: Law, const D: usize>(
 ) -> (f64, [f64; 2]) {
     let rho = c.mass_n.max(0.5 * bodies.heavier(c.i as usize, c.j as usize));
     (rho, c.natural_map::<L>(u, rho, cohesion))
+}
+
+/// The same of the law of rolling.
+#[inline(always)]
+fn rolling_map<const D: usize>(
+    bodies: &Bodies<D>,
+    c: &Contact<D>,
+    cohesion: f64,
+    rolling: &Rolling,
+) -> (f64, [f64; 2]) {
+    rolling.natural_map(bodies, c.i, c.j, c.impulse.dot(&c.normal) + cohesion)
 }
 
 /// The smaller radius of a contact, m; walls have none.
@@ -456,4 +536,29 @@ fn relax<L: Law, const D: usize>(
         }
     }
     change
+}
+
+/// The same with resistance to rolling: from its impulse too, which changes as well. Returns both changes.
+#[inline(always)]
+fn relax_rolling<L: Law, const D: usize>(
+    bodies: &Bodies<D>,
+    c: &mut Contact<D>,
+    (start, rolled): (&Vector<D>, f64),
+    cohesion: f64,
+    bound: Option<f64>,
+    rolling: &Rolling,
+) -> (Vector<D>, f64) {
+    let u = relative::<L, D>(bodies, c);
+    let speed = rolling.speed(bodies, c.i, c.j);
+    let (impulse, q) = c.solve_rolling::<L>((start, &u), cohesion, bound, rolling, [rolled, speed]);
+    c.impulse = impulse;
+    rolling.impulse.set(q);
+    let (change, turned) = (impulse - start, q - rolled);
+    if change.iter().any(|x| *x != 0.0) {
+        bodies.push_apart::<true>(c.i as usize, c.j as usize, &c.normal, &change);
+    }
+    if turned != 0.0 {
+        rolling.turn(bodies, c.i, c.j, turned);
+    }
+    (change, turned)
 }

@@ -53,6 +53,9 @@ pub struct Wall<const D: usize> {
     /// Coulomb's coefficient between grains and this wall.
     #[serde(default)]
     pub friction: f64,
+    /// Coefficient of resistance to rolling between grains and this wall, 0 to 1: a moment of up to mu_r r p_n.
+    #[serde(default)]
+    pub rolling: f64,
     /// Newton's coefficient of restitution between grains and this wall.
     #[serde(default)]
     pub restitution: f64,
@@ -77,6 +80,7 @@ impl<const D: usize> Wall<D> {
             name: name.into(),
             points: [from, to],
             friction: 0.0,
+            rolling: 0.0,
             restitution: 0.0,
             motion: Motion::Fixed,
             until: None,
@@ -171,6 +175,7 @@ impl<const D: usize> Wall<D> {
             "it must be 0 or more",
             || at("friction"),
         )?;
+        check((0.0..=1.0).contains(&self.rolling), self.rolling, "it must lie in 0 .. 1", || at("rolling"))?;
         check((0.0..=1.0).contains(&self.restitution), self.restitution, "it must lie in 0 .. 1", || {
             at("restitution")
         })?;
@@ -250,6 +255,12 @@ impl<const D: usize> Placed<D> {
     #[inline]
     pub fn velocity_at(&self, share: f64) -> Vector<D> {
         self.velocity[0] + (self.velocity[1] - self.velocity[0]) * share
+    }
+
+    /// Angular velocity, rad/s, counter-clockwise.
+    pub fn spin(&self) -> f64 {
+        let along = self.points[1] - self.points[0];
+        crate::space::turned(&along).dot(&(self.velocity[1] - self.velocity[0])) / along.norm_squared()
     }
 
     /// The wall at the end of a sub-step of length `h`.

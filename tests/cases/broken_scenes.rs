@@ -124,6 +124,36 @@ const MISTAKES: &[Mistake] = &[
         &["1.5", "from 0 to 1"],
     ),
     mistake(
+        "rolling above 1",
+        ["friction = 0.3", "friction = 0.3\nrolling = 1.5"],
+        "rolling",
+        &["materials.glass.rolling = 1.5", "from 0 to 1"],
+    ),
+    mistake(
+        "rolling below 0 at a wall",
+        ["friction = 0.5", "friction = 0.5\nrolling = -0.1"],
+        "rolling",
+        &["walls[0].rolling = -0.1", "from 0 to 1"],
+    ),
+    mistake(
+        "rolling of grains that do not spin",
+        [
+            "[contacts]",
+            "[[walls]]\nname = \"lid\"\nfrom = [0.0, 0.03]\nto = [0.01, 0.03]\nrolling = 0.1\n\n[contacts]\nrotation = false",
+        ],
+        "rolling",
+        &["walls[3].rolling", "contacts.rotation = false", "take the key away"],
+    ),
+    mistake(
+        "rolling with the interior-point method",
+        [
+            "[contacts]",
+            "[[walls]]\nname = \"lid\"\nfrom = [0.0, 0.03]\nto = [0.01, 0.03]\nrolling = 0.1\n\n[contacts]\ninterior = true",
+        ],
+        "rolling",
+        &["walls[3].rolling", "contacts.interior = true", "take the key away"],
+    ),
+    mistake(
         "unknown material",
         ["material = \"glass\"\nradius", "material = \"gold\"\nradius"],
         "material = \"gold\"",

@@ -214,7 +214,8 @@ fn slid(pairs: Vec<Pair>, material: u8) -> f64 {
 fn pairs_of_materials_have_their_own_friction() {
     // Without spin a disc that slides stops after v^2 / (2 mu g).
     let way = |mu: f64| 1.0 / (2.0 * mu * 9.81);
-    let pair = |other: Side| Pair { material: 1, other, friction: Some(0.2), restitution: None };
+    let pair =
+        |other: Side| Pair { material: 1, other, friction: Some(0.2), restitution: None, rolling: None };
     for (pairs, material, mu) in [
         (vec![], 1, 0.5),
         (vec![pair(Side::Wall(0))], 1, 0.2),
@@ -238,8 +239,13 @@ fn two_discs_meet_with_the_friction_of_their_pair() {
         let positions = vec![Vector::<2>::zeros(), place];
         let mut grains = Particles::<2>::new(positions, vec![0.01; 2], vec![0, 1], &materials).unwrap();
         grains.mass[0] = f64::INFINITY;
-        let pairs =
-            vec![Pair { material: 0, other: Side::Material(1), friction: Some(pair), restitution: None }];
+        let pairs = vec![Pair {
+            material: 0,
+            other: Side::Material(1),
+            friction: Some(pair),
+            restitution: None,
+            rolling: None,
+        }];
         let mut dem = Dem::new(grains, vec![], materials, Settings { pairs, ..Settings::default() }).unwrap();
         for _ in 0..100 {
             dem.step(1e-3, &Load::default());

@@ -4,6 +4,7 @@
 mod grains_heat;
 mod grains_identity;
 mod grains_rest;
+mod grains_rolling;
 
 use approx::assert_relative_eq;
 use voidage_dem::{Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};

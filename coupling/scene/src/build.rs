@@ -294,6 +294,7 @@ pub(crate) fn material(described: &scene::Material, solidity: f64) -> Material {
         density: described.density,
         solidity,
         friction: described.friction,
+        rolling: described.rolling,
         restitution: described.restitution,
         young: described.young.unwrap_or(0.0),
         poisson: described.poisson.unwrap_or(0.0),
@@ -321,6 +322,7 @@ pub fn wall(scene: &Scene, described: &scene::Wall) -> Wall<2> {
     let wall = Wall::new(described.name.clone(), described.from.vector(), described.to.vector());
     Wall {
         friction: described.friction.or(material.map(|m| m.friction)).unwrap_or(0.0),
+        rolling: described.rolling.or(material.map(|m| m.rolling)).unwrap_or(0.0),
         restitution: described.restitution.or(material.map(|m| m.restitution)).unwrap_or(0.0),
         conductivity: material.and_then(|m| m.conductivity),
         temperature: described.temperature,
@@ -355,22 +357,24 @@ fn pairs(scene: &Scene, contacts: &scene::Contacts) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for described in &contacts.pairs {
         let [a, b] = &described.materials;
-        let (friction, restitution) = (described.friction, described.restitution);
+        let scene::Pair { friction, restitution, rolling, .. } = *described;
         for material in groups(a) {
             let others = groups(b).into_iter().map(Side::Material);
-            pairs.extend(others.map(|other| Pair { material, other, friction, restitution }));
+            pairs.extend(others.map(|other| Pair { material, other, friction, restitution, rolling }));
         }
         for (of_wall, of_grains) in [(a, b), (b, a)] {
             let walls = scene.walls.iter().enumerate();
             for (k, wall) in walls.filter(|(_, wall)| wall.material.as_ref() == Some(of_wall)) {
                 let friction = friction.filter(|_| wall.friction.is_none());
                 let restitution = restitution.filter(|_| wall.restitution.is_none());
+                let rolling = rolling.filter(|_| wall.rolling.is_none());
                 let other = Side::Wall(k as u32);
                 pairs.extend(groups(of_grains).into_iter().map(|material| Pair {
                     material,
                     other,
                     friction,
                     restitution,
+                    rolling,
                 }));
             }
         }

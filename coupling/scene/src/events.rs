@@ -103,7 +103,7 @@ impl Scene {
             None => Ok(()),
             Some(change) => wrong(
                 format!("`{}` cannot change while a run goes on", change.key),
-                "friction, restitution, cohesion, sources and sinks, laws, schemes and conditions at boundaries can",
+                "friction, rolling, restitution, cohesion, sources and sinks, laws, schemes and conditions at boundaries can",
             ),
         }
     }

@@ -15,6 +15,11 @@ pub struct Material {
     /// Coulomb friction coefficient between grains; two materials meet with the smaller one. Default 0.
     #[serde(default)]
     pub friction: f64,
+    /// Coefficient of resistance to rolling between grains, 0 to 1: a contact resists the relative spin of its two
+    /// grains by a moment of up to this times R p, p being the normal force and R = r1 r2 / (r1 + r2), at a wall r.
+    /// Two materials meet with the smaller one. Grains must spin. Default 0.
+    #[serde(default)]
+    pub rolling: f64,
     /// Coefficient of normal restitution, 0 to 1; two materials meet with the smaller one. Default 0.
     #[serde(default)]
     pub restitution: f64,
@@ -383,12 +388,17 @@ pub struct Wall {
     /// `from` and `to` say where it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub along: Option<String>,
-    /// Name of one of the materials: friction, restitution and conductivity. Default: none, a perfect conductor of heat.
+    /// Name of one of the materials: friction, rolling, restitution and conductivity. Default: none, a perfect
+    /// conductor of heat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
     /// Coulomb friction coefficient between the wall and grains. Default: that of the material, or 0 without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
+    /// Coefficient of resistance to rolling between the wall and grains, 0 to 1. Default: that of the material, or 0
+    /// without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rolling: Option<f64>,
     /// Coefficient of normal restitution between the wall and grains. Default: that of the material, or 0 without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub restitution: Option<f64>,
@@ -471,7 +481,7 @@ pub struct Contacts {
     /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
     pub max_sweeps: usize,
     /// Whether contacts that these sweeps leave closing go to an interior-point method: for grains whose masses lie far apart and
-    /// for friction above one, up to 10,000 grains. Default false.
+    /// for friction above one, up to 10,000 grains. Not with resistance to rolling. Default false.
     pub interior: bool,
     /// Share of its radius that a grain may cross in one sub-step. Default 0.5.
     pub max_travel: f64,
@@ -500,11 +510,15 @@ pub struct Contacts {
 #[serde(deny_unknown_fields)]
 pub struct Pair {
     /// Names of the two materials, of grains or walls; the same twice for grains of one material among themselves.
-    /// What a wall says itself of its friction or restitution goes before.
+    /// What a wall says itself of its friction, rolling or restitution goes before.
     pub materials: [String; 2],
     /// Coulomb friction coefficient. Default: the smaller one of the two, and at a wall that of the wall.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
+    /// Coefficient of resistance to rolling, 0 to 1. Default: the smaller one of the two, and at a wall that of the
+    /// wall.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rolling: Option<f64>,
     /// Coefficient of normal restitution, 0 to 1. Default: the smaller one of the two, and at a wall that of the wall.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub restitution: Option<f64>,

@@ -130,9 +130,8 @@ impl Coordinates {
 pub struct Event {
     /// When, s; the step that starts then or next is the first with the changes. Above 0; times of events increase.
     pub time: f64,
-    /// Changes `"KEY=VALUE"`, written as for `voidage run --set`: friction, restitution, cohesion, sources and sinks,
-    /// schemes, laws of the exchange,
-    /// conditions at boundaries of the fluid.
+    /// Changes `"KEY=VALUE"`, written as for `voidage run --set`: friction, rolling, restitution, cohesion, sources
+    /// and sinks, schemes, laws of the exchange, conditions at boundaries of the fluid.
     pub set: Vec<String>,
 }
 

@@ -88,6 +88,8 @@ struct Row {
     wall: Option<u32>,
     force_x: f64,
     force_y: f64,
+    /// Moment that resists rolling over the effective radius, N per metre of depth.
+    rolling: f64,
 }
 
 /// All that determines a bed.
@@ -478,7 +480,7 @@ fn take(table: &Path, hash: &str, fill: &Fill<'_>) -> Option<(Bed, Placed)> {
     let force = |row: Row| {
         let partner = row.other_grain.map(Partner::Grain).or(row.wall.map(Partner::Wall))?;
         let force = Vector::<2>::new(row.force_x, row.force_y);
-        Some(ContactForce { grain: row.grain, partner, force, age: 0.0 })
+        Some(ContactForce { grain: row.grain, partner, force, age: 0.0, rolling: row.rolling })
     };
     let forces = reader.deserialize().map(|row| force(row.ok()?)).collect::<Option<_>>()?;
     Some((kept.bed, Placed { grains, forces, before: vec![] }))
@@ -505,7 +507,7 @@ fn write_forces(path: &Path, forces: &[ContactForce<2>]) -> csv::Result<()> {
             Partner::Wall(wall) => (None, Some(wall)),
         };
         let [force_x, force_y] = f.force.into();
-        writer.serialize(Row { grain: f.grain, other_grain, wall, force_x, force_y })?;
+        writer.serialize(Row { grain: f.grain, other_grain, wall, force_x, force_y, rolling: f.rolling })?;
     }
     Ok(writer.flush()?)
 }

@@ -16,8 +16,8 @@ const SETTLING_SWEEPS: usize = 32;
 const ATTEMPTS: usize = 5;
 
 impl<const D: usize> Dem<D> {
-    /// Finds and solves the contacts, again with a wider search if a grain became faster than the search assumed. Returns the
-    /// energy of the error of the velocities over that of what forces bring; zero for a part of a step.
+    /// Finds and solves the contacts, again with a wider search if a grain became faster than the search assumed.
+    /// Returns the energy of the error of the velocities over that of what forces bring; zero for a part of a step.
     pub(super) fn solve_contacts(
         &mut self,
         [h, step]: [f64; 2],
@@ -50,9 +50,7 @@ impl<const D: usize> Dem<D> {
             for (slot, &i) in search.grid.grain_of.iter().enumerate() {
                 self.after[known + i as usize] = problem.bodies.velocity(slot);
             }
-            self.memory.store(self.particles.len(), h, self.settings.cohesion.is_some(), || {
-                search.records(&problem, 0.0)
-            });
+            self.memory.store(self.particles.len(), h, self.beside(), || search.records(&problem, 0.0));
         }
         report.substeps += 1;
         (self.search, self.problem) = (search, problem);

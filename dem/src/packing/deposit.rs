@@ -110,12 +110,12 @@ pub fn deposit(
 fn forces(dem: &Dem<2>, sides: usize) -> Vec<ContactForce<2>> {
     dem.contacts()
         .filter(|contact| contact.force != Vector::<2>::zeros())
-        .filter_map(|Contact { grain, partner, force, .. }| {
+        .filter_map(|Contact { grain, partner, force, rolling, .. }| {
             let partner = match partner {
                 Partner::Grain(_) => partner,
                 Partner::Wall(wall) => Partner::Wall(wall.checked_sub(sides as u32)?),
             };
-            Some(ContactForce { grain, partner, force, age: 0.0 })
+            Some(ContactForce { grain, partner, force, age: 0.0, rolling })
         })
         .collect()
 }
@@ -159,10 +159,10 @@ fn solver(region: &Region<2>, particles: Particles<2>, fill: &Fill<'_>, how: &De
         .iter()
         .map(|m| Material { restitution: 0.0, friction: how.friction.unwrap_or(m.friction), ..m.clone() })
         .collect();
-    let friction = materials[fill.material as usize].friction;
+    let Material { friction, rolling, .. } = materials[fill.material as usize];
     let sides = container(region, &how.walls);
     let first = sides.len() as u32;
-    let sides = sides.into_iter().map(|side| Wall { friction, ..side });
+    let sides = sides.into_iter().map(|side| Wall { friction, rolling, ..side });
     let walls = sides.chain(how.walls.iter().map(|wall| Wall {
         points: wall.at(0.0),
         friction: how.friction.unwrap_or(wall.friction),

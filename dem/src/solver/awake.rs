@@ -6,7 +6,7 @@
 
 use super::runs::FEW_MOVE;
 use super::tiles::FORK_CONTACTS;
-use super::{Problem, natural_map, relative};
+use super::{Problem, natural_map, relative, rolling_map};
 use crate::bodies::{Bodies, Shared};
 use crate::contact::Law;
 use crate::momentum::Momentum;
@@ -140,7 +140,13 @@ impl<const D: usize> Problem<D> {
             let cohesion = if L::COHESION { self.cohesion[k] } else { 0.0 };
             let (rho, [square, _]) =
                 natural_map::<L, D>(&self.bodies, c, &relative::<L, D>(&self.bodies, c), cohesion);
-            0.5 * square / rho
+            let rolling = if L::ROLLING {
+                let (rho, [square, _]) = rolling_map(&self.bodies, c, cohesion, &self.rolling[k]);
+                0.5 * square / rho
+            } else {
+                0.0
+            };
+            0.5 * square / rho + rolling
         })
     }
 
@@ -166,6 +172,9 @@ impl<const D: usize> Problem<D> {
     fn wake_tile(&mut self, tile: usize) {
         let (awake, bodies) = (&mut self.awake, &self.bodies);
         let range = self.tiles.contacts(tile);
+        if let Some(rolling) = self.rolling.get(range.clone()) {
+            rolling.iter().for_each(|r| r.last.set(r.impulse.get()));
+        }
         awake.tiles[tile] = true;
         awake.contacts += range.len();
         for (k, c) in range.clone().zip(&self.contacts[range]) {

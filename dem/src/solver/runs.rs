@@ -14,6 +14,10 @@
 //! (2 rho). In random beds the shape of the impulses must change too, and neither sees that; how sweeps still change the
 //! velocities does ([`Trend`](super::trend::Trend)). The sum of the three is the estimate.
 //!
+//! A contact that resists rolling has the rolling speed as one more row of H, and a natural map of its own
+//! ([`Rolling`](crate::rolling::Rolling)): what it says counts to the sum of r^2 / (2 rho) and to the columns of the
+//! corrections.
+//!
 //! **Rest.** Where contacts take all that forces bring to the grains but a small share, no velocity at all obeys the laws of the
 //! contacts with the same impulses: only that share of the forces is not balanced. Such grains stop, and the problem of the next
 //! step is the same: its impulses solve it without a sweep. What is left of the velocities is taken only where hardly anything
@@ -225,7 +229,7 @@ impl<const D: usize> Problem<D> {
     ) {
         self.coarse.leave();
         if column {
-            self.coarse.mark(&self.contacts);
+            self.coarse.mark(&self.contacts, &self.rolling);
         } else {
             self.coarse.forget();
         }
@@ -237,7 +241,7 @@ impl<const D: usize> Problem<D> {
             self.paced_sweep::<L>(pace);
         }
         if column && any {
-            self.coarse.keep(&self.contacts);
+            self.coarse.keep(&self.contacts, &self.rolling);
         }
     }
 
@@ -245,9 +249,9 @@ impl<const D: usize> Problem<D> {
     /// need not come true, because impulses that are changed so must be cut back to Coulomb's law; then factors of the impulses
     /// alone follow, which keep them within it.
     fn correct<L: Law>(&mut self, grains: &Grains<D>, wrong: f64) -> bool {
-        self.uncorrected.clear();
-        crate::reserve(&mut self.uncorrected, self.contacts.len());
-        self.uncorrected.extend(self.contacts.iter().map(|c| c.impulse));
+        let mut kept = std::mem::take(&mut self.uncorrected);
+        self.keep_impulses(&mut kept);
+        self.uncorrected = kept;
         let before = self.energy();
         for wide in [true, false] {
             let mut coarse = std::mem::take(&mut self.coarse);
@@ -274,12 +278,17 @@ impl<const D: usize> Problem<D> {
         });
         let contact =
             |k: usize| self.contacts[k].bias * self.contacts[k].impulse.dot(&self.contacts[k].normal);
-        kinetic + parallel::sum(0..self.contacts.len(), &contact)
+        let turning = |k: usize| self.rolling[k].drift * self.rolling[k].impulse.get();
+        kinetic
+            + parallel::sum(0..self.contacts.len(), &contact)
+            + parallel::sum(0..self.rolling.len(), &turning)
     }
 
     /// Back to the impulses before the last correction.
     fn take_back(&mut self, grains: &Grains<D>) {
-        self.contacts.iter_mut().zip(&self.uncorrected).for_each(|(c, p)| c.impulse = *p);
+        let kept = std::mem::take(&mut self.uncorrected);
+        self.put_impulses(&kept);
+        self.uncorrected = kept;
         (grains.free)(&self.bodies);
         self.apply_impulses();
     }

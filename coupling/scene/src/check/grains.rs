@@ -61,6 +61,7 @@ fn check_material(scene: &Scene, path: &str, material: &Material) -> Checked {
     positive(scene, &format!("{path}.density"), material.density)?;
     not_negative(scene, &format!("{path}.friction"), material.friction)?;
     within(scene, &format!("{path}.restitution"), material.restitution, 0.0, 1.0)?;
+    within(scene, &format!("{path}.rolling"), material.rolling, 0.0, 1.0)?;
     let optional = [
         ("young", material.young),
         ("conductivity", material.conductivity),
@@ -208,6 +209,29 @@ fn check_sieve(scene: &Scene, path: &str, passing: &[[f64; 2]]) -> Checked {
     }
 }
 
+/// Resistance to rolling needs grains that spin, and sweeps.
+fn check_rolling(scene: &Scene, contacts: &crate::Contacts) -> Checked {
+    let material = scene.materials.iter().find(|(_, material)| material.rolling > 0.0);
+    let wall = scene.walls.iter().position(|wall| wall.rolling.unwrap_or(0.0) > 0.0);
+    let pair = contacts.pairs.iter().position(|pair| pair.rolling.unwrap_or(0.0) > 0.0);
+    let key = material
+        .map(|(name, _)| format!("materials.{name}.rolling"))
+        .or(wall.map(|k| format!("walls[{k}].rolling")))
+        .or(pair.map(|k| format!("contacts.pairs[{k}].rolling")));
+    match key {
+        Some(key) if !contacts.rotation => {
+            let message =
+                format!("`{key}` resists rolling, but `contacts.rotation = false`: grains do not spin");
+            fail(scene, &key, message, "set `contacts.rotation = true`, or take the key away")
+        }
+        Some(key) if contacts.interior => {
+            let message = format!("`{key}` resists rolling, which `contacts.interior = true` cannot solve");
+            fail(scene, &key, message, "set `contacts.interior = false`, or take the key away")
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Pairs name materials, each pair once, and say something.
 fn check_pairs(scene: &Scene, contacts: &crate::Contacts) -> Checked {
     let sorted = |pair: &crate::Pair| {
@@ -224,8 +248,10 @@ fn check_pairs(scene: &Scene, contacts: &crate::Contacts) -> Checked {
         pair.friction.map_or(Ok(()), |value| not_negative(scene, &friction, value))?;
         let restitution = format!("{path}.restitution");
         pair.restitution.map_or(Ok(()), |value| within(scene, &restitution, value, 0.0, 1.0))?;
-        if pair.friction.is_none() && pair.restitution.is_none() {
-            let message = format!("`{path}` has neither `friction` nor `restitution`");
+        let rolling = format!("{path}.rolling");
+        pair.rolling.map_or(Ok(()), |value| within(scene, &rolling, value, 0.0, 1.0))?;
+        if pair.friction.is_none() && pair.restitution.is_none() && pair.rolling.is_none() {
+            let message = format!("`{path}` has none of `friction`, `restitution` and `rolling`");
             return fail(scene, &path, message, "give one of them, or take the pair away");
         }
         if contacts.pairs[..k].iter().any(|other| sorted(other) == sorted(pair)) {
@@ -283,6 +309,7 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
         known(scene, &format!("{path}.material"), material, &material_names(scene), "material")?;
     }
     wall.friction.map_or(Ok(()), |value| not_negative(scene, &format!("{path}.friction"), value))?;
+    wall.rolling.map_or(Ok(()), |value| within(scene, &format!("{path}.rolling"), value, 0.0, 1.0))?;
     wall.restitution
         .map_or(Ok(()), |value| within(scene, &format!("{path}.restitution"), value, 0.0, 1.0))?;
     wall.temperature.map_or(Ok(()), |value| positive(scene, &format!("{path}.temperature"), value))?;
@@ -372,6 +399,7 @@ fn check_contacts(scene: &Scene) -> Checked {
         );
     }
     check_pairs(scene, contacts)?;
+    check_rolling(scene, contacts)?;
     match &contacts.cohesion {
         Some(cohesion) => {
             not_negative(scene, "contacts.cohesion.force", cohesion.force)?;
