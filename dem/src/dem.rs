@@ -19,6 +19,11 @@ use serde::{Deserialize, Serialize};
 mod contacts;
 mod members;
 
+/// The largest radius, m.
+fn largest<const D: usize>(particles: &Particles<D>) -> f64 {
+    particles.radius.iter().fold(0.0, |most, r| most.max(*r))
+}
+
 /// Radii that a grain may go in a step.
 const RUNAWAY: f64 = 1e7;
 
@@ -173,6 +178,7 @@ impl<const D: usize> Dem<D> {
         if let Some(pair) = settings.pairs.iter().find(|pair| !known(pair)) {
             return Err(Error::Scene(format!("{pair:?}: there is no such material or wall")));
         }
+        settings.period.check(largest(&particles), &walls)?;
         let laws = Laws::new(&materials, &walls, &settings.pairs);
         let n = particles.len();
         let heat = particles.heat.is_some();
@@ -182,7 +188,7 @@ impl<const D: usize> Dem<D> {
                 return Err(Error::Scene("conduction is on but the grains carry no heat".into()));
             }
         }
-        Ok(Self {
+        let mut dem = Self {
             contact_force: vec![Vector::zeros(); n],
             contact_heat: vec![0.0; if heat { n } else { 0 }],
             wall_force: vec![Vector::zeros(); walls.len()],
@@ -194,7 +200,17 @@ impl<const D: usize> Dem<D> {
             settings,
             laws,
             ..Self::default()
-        })
+        };
+        dem.wrap();
+        Ok(dem)
+    }
+
+    /// Puts the grains that have left through a periodic side in at the other.
+    fn wrap(&mut self) {
+        let period = &self.settings.period;
+        if !period.is_none() {
+            self.particles.position.iter_mut().for_each(|x| *x = period.wrap(*x));
+        }
     }
 
     /// Advances by `dt` seconds under a load.
@@ -210,6 +226,7 @@ impl<const D: usize> Dem<D> {
             assert!(len == 0 || len == n, "a column of the load has {len} entries for {n} grains");
         }
         assert!(dt > 0.0 && dt.is_finite(), "the step is {dt} s");
+        self.wrap();
         self.contact_force.fill(Vector::zeros());
         self.contact_heat.fill(0.0);
         self.wall_force.fill(Vector::zeros());
@@ -390,6 +407,7 @@ impl<const D: usize> Dem<D> {
         }
         (self.search, self.problem) = (search, problem);
         self.measure_penetration(h, report);
+        self.wrap();
     }
 
     /// Adds the moments of the impulses on walls that turn, about their pivots, with grains and walls where the
@@ -404,14 +422,16 @@ impl<const D: usize> Dem<D> {
             let Some(pivot) = self.walls[wall].pivot(self.time) else { continue };
             let grain = &self.particles.position[search.grid.grain_of[c.i as usize] as usize];
             let placed = &self.placed[wall];
-            let arm = placed.point(placed.nearest(grain)) - pivot;
+            let grain = self.settings.period.image(*grain, &placed.point(0.5));
+            let arm = placed.point(placed.nearest(&grain)) - pivot;
             self.wall_torque[wall] += arm[0] * c.impulse[1] - arm[1] * c.impulse[0];
         }
     }
 
     /// Keeps the deepest overlap so far of the step.
     fn measure_penetration(&self, h: f64, report: &mut StepReport) {
-        let moved = Moved { particles: &self.particles, walls: &self.placed, h };
+        let period = self.settings.period;
+        let moved = Moved { particles: &self.particles, walls: &self.placed, h, period };
         let mut deepest = moved.deepest(self.contacts().map(|c| (c.grain, c.partner)));
         if !report.converged {
             // Contacts may have been missed.

@@ -185,6 +185,7 @@ fn texts_and_setups_come_back_bit_for_bit() {
         density: 1.1f64.sqrt(),
         viscosity: 1e-5 / 3.0,
         gravity: Vector::<2>::new(0.0, -9.81),
+        body_force: Vector::<2>::new(0.3, 0.0),
         thin_cell_drag: 0.0,
         drag_in_stabilisation: true,
     };
