@@ -213,6 +213,11 @@ class Problem:
     """Relative residual of the linear systems, for solvers that iterate."""
     drag_in_stabilisation: bool = False
     """Whether the drag of the points enters the stabilisation time."""
+    body_force: Floats | None = None
+    """Further acceleration of the fluid, m/s2; it weighs neither by temperature nor on the points."""
+    masters: Integers | None = None
+    """The node whose values every node has, (n), where the mesh has periodic sides. A solver that does
+    not know them must refuse the problem."""
 
     @property
     def dimension(self) -> int:
