@@ -104,6 +104,21 @@ impl<const D: usize> Period<D> {
         x
     }
 
+    /// Where a segment is to be shown: one that leads from side to side between these, another one with its middle in the
+    /// domain.
+    pub fn place(&self, [a, b]: [Vector<D>; 2]) -> [Vector<D>; 2] {
+        let middle = (a + b) * 0.5;
+        let mut shift = self.wrap(middle) - middle;
+        for axis in 0..D {
+            if let Some([low, high]) = self.sides[axis]
+                && ((b[axis] - a[axis]).abs() - (high - low)).abs() <= 1e-9 * (high - low)
+            {
+                shift[axis] = low - a[axis].min(b[axis]);
+            }
+        }
+        [a + shift, b + shift]
+    }
+
     /// Whether a segment leads from one side to the other.
     pub(crate) fn spans(&self, [a, b]: &[Vector<D>; 2]) -> bool {
         (0..D).any(|axis| {
@@ -181,6 +196,9 @@ mod tests {
         assert!(period().crosses(&v(1.6)) && !period().crosses(&v(1.4)));
         assert_eq!(period().image(v(1.9), &v(-0.8)), v(1.9 - 3.0));
         assert_eq!(Period::<2>::default().wrap(v(9.0)), v(9.0));
+        assert_eq!(period().place([v(3.5), v(6.5)]), [v(-1.0), v(2.0)]);
+        assert_eq!(period().place([v(3.5), v(4.5)]), [v(0.5), v(1.5)]);
+        assert_eq!(Period::<2>::default().place([v(3.5), v(6.5)]), [v(3.5), v(6.5)]);
     }
 
     #[test]

@@ -23,6 +23,7 @@ pub const CASES: [(&str, &str); 18] = [
     ("packed-bed", include_str!("../../packed-bed/scene.toml")),
     ("settling-grain", include_str!("../../settling-grain/scene.toml")),
     ("settling-grain-still", include_str!("../../settling-grain/scene-still.toml")),
+    ("sheared-suspension", include_str!("../../sheared-suspension/scene.toml")),
     ("stirred-bed", include_str!("../../stirred-bed/scene.toml")),
     ("tracer", include_str!("../../tracer/scene.toml")),
 ];

@@ -176,6 +176,11 @@ class Driver:
     def start(self, mesh, fields: Mapping[str, Any]) -> None:
         """Takes a mesh (or a tuple of its arrays) and the accepted fields."""
         self.mesh = mesh if isinstance(mesh, tuple) else arrays(mesh)
+        if self.mesh[3] is not None and not getattr(self.solver, "periodic_sides", False):
+            raise ValueError(
+                f"the mesh has periodic sides, which the solver {type(self.solver).__name__} does not "
+                "know: it would need to say `periodic_sides = True` and heed Problem.masters"
+            )
         self.solver.set_mesh(problem(self.setup, self.mesh, fields))
 
     def restart(self, fields: Mapping[str, Any]) -> None:

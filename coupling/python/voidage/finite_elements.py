@@ -54,6 +54,8 @@ class FiniteElements(Solver):
     """One step: the scalars with u_n, then momentum and mass by Newton steps, first about u_n. The
     steps that the equations get lack nothing (:func:`voidage.points.complete`)."""
 
+    periodic_sides = True
+
     def set_mesh(self, problem: Problem) -> None:
         self.state = self.next = problem.fields
         self.sides = Sides(problem)

@@ -354,6 +354,9 @@ class Solver(ABC):
     """A fluid solver. ``solve`` always starts from the last accepted state: a scheme may call it
     many times."""
 
+    periodic_sides = False
+    """Whether it heeds :attr:`Problem.masters`; if not, a mesh with periodic sides is an error."""
+
     @abstractmethod
     def set_mesh(self, problem: Problem) -> None:
         """Takes mesh, properties and fields: at the start, at a restart, after remeshing."""

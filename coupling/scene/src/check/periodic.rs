@@ -1,7 +1,7 @@
 //! Checks of periodic sides, and of what cannot be beside them.
 
 use super::{Checked, fail};
-use crate::{MeshSource, Placement, Radius, Scene, Solver};
+use crate::{MeshSource, Placement, Radius, Scene};
 
 pub(super) fn check(scene: &Scene) -> Checked {
     let Some(periodic) = &scene.periodic else { return Ok(()) };
@@ -36,15 +36,6 @@ fn unsupported(scene: &Scene) -> Checked {
     let Some(fluid) = &scene.fluid else { return placements(scene) };
     if fluid.mesh_motion.is_some() {
         return fail(scene, "fluid.mesh_motion", "`fluid.mesh_motion` is there beside `[periodic]`", help);
-    }
-    if let Some(backend) = &fluid.backend
-        && !matches!(backend.solver, Solver::Rust | Solver::Serve)
-    {
-        let message = format!(
-            "`fluid.backend.solver = \"{}\"` does not know periodic sides in this version",
-            backend.solver.name()
-        );
-        return fail(scene, "fluid.backend.solver", message, "use the solver `rust`, or take `[periodic]` away");
     }
     placements(scene)
 }
