@@ -579,7 +579,12 @@ mod tests {
     fn an_endless_reach_was_an_index_out_of_bounds() {
         for reach in [f64::INFINITY, f64::NAN, 1e300] {
             let mut grid = Grid::<2>::default();
-            grid.build(&[Vector::<2>::zeros(), Vector::<2>::repeat(1.0)], &[0.1, 0.2], reach, &Period::default());
+            grid.build(
+                &[Vector::<2>::zeros(), Vector::<2>::repeat(1.0)],
+                &[0.1, 0.2],
+                reach,
+                &Period::default(),
+            );
             let mut met = 0;
             for tile in 0..grid.tiles.len() {
                 grid.each_in_tile(tile, |_, _, others| met += others.map_or(0, |others| others.len()));

@@ -160,7 +160,8 @@ impl<const D: usize> Source<D> {
     fn near(&self, grains: &Dem<D>) -> Vec<(Vector<D>, f64)> {
         let Region { low, high } = &self.region;
         let (period, middle) = (grains.settings().period, (low + high) * 0.5);
-        let all = grains.particles.position.iter().map(|x| period.image(*x, &middle)).zip(&grains.particles.radius);
+        let all =
+            grains.particles.position.iter().map(|x| period.image(*x, &middle)).zip(&grains.particles.radius);
         let reaches = |x: &Vector<D>, r: f64| (0..D).all(|a| x[a] + r > low[a] && x[a] - r < high[a]);
         all.filter(|(x, r)| reaches(x, **r)).map(|(x, r)| (x, *r)).collect()
     }
@@ -180,7 +181,8 @@ impl<const D: usize> Source<D> {
             fed.drawn += 1;
             let room = |a: usize| (high[a] - low[a] - 2.0 * radius).max(0.0);
             let place = Vector::from_fn(|a, _| low[a] + radius + room(a) * random.random::<f64>());
-            let free = near.iter().all(|(x, r)| period.nearest(x - place).norm_squared() >= (r + radius).powi(2));
+            let free =
+                near.iter().all(|(x, r)| period.nearest(x - place).norm_squared() >= (r + radius).powi(2));
             let off = walls.iter().all(|ends| {
                 let image = period.image(place, &(0.5 * (ends[0] + ends[1])));
                 distance(ends, &image) >= radius

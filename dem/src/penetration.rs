@@ -60,7 +60,8 @@ impl<const D: usize> Moved<'_, D> {
     /// and more deep, however far it has gone.
     fn with_wall(&self, i: usize, wall: &Placed<D>) -> f64 {
         let moved = wall.after(self.h);
-        let (radius, end) = (self.particles.radius[i], self.period.image(self.particles.position[i], &moved.point(0.5)));
+        let (radius, end) =
+            (self.particles.radius[i], self.period.image(self.particles.position[i], &moved.point(0.5)));
         let start = end - self.particles.velocity[i] * self.h;
         let distance = (moved.point(moved.nearest(&end)) - end).norm();
         let endless = self.period.spans(&wall.points);
@@ -112,7 +113,9 @@ mod tests {
         let mut floor = Wall::new("floor", vector([0.0, 0.0]), vector([10.0, 0.0]));
         floor.motion = crate::Motion::Translation { velocity: vector([0.0, risen]) / h };
         let walls = [Placed::new(&floor, 0.0, h)];
-        Moved { particles: &particles, walls: &walls, h, period: Period::default() }.deepest([pair].into_iter()).depth
+        Moved { particles: &particles, walls: &walls, h, period: Period::default() }
+            .deepest([pair].into_iter())
+            .depth
     }
 
     const FLOOR: (u32, Partner) = (0, Partner::Wall(0));

@@ -26,7 +26,8 @@ impl<const D: usize> Period<D> {
     /// # Errors
     /// Places that are not finite or in the wrong order.
     pub fn new(sides: [Option<[f64; 2]>; D]) -> Result<Self> {
-        for (axis, [low, high]) in sides.iter().enumerate().filter_map(|(axis, side)| Some((axis, (*side)?))) {
+        for (axis, [low, high]) in sides.iter().enumerate().filter_map(|(axis, side)| Some((axis, (*side)?)))
+        {
             if !(low.is_finite() && high.is_finite() && low < high) {
                 return Err(Error::Scene(format!(
                     "the periodic sides along axis {axis} are at {low} and {high} m: the second must be beyond the first"
@@ -122,7 +123,8 @@ impl<const D: usize> Period<D> {
     /// Whether a segment leads from one side to the other.
     pub(crate) fn spans(&self, [a, b]: &[Vector<D>; 2]) -> bool {
         (0..D).any(|axis| {
-            self.length(axis).is_some_and(|length| ((b[axis] - a[axis]).abs() - length).abs() <= 1e-9 * length)
+            self.length(axis)
+                .is_some_and(|length| ((b[axis] - a[axis]).abs() - length).abs() <= 1e-9 * length)
         })
     }
 
@@ -157,7 +159,9 @@ impl<const D: usize> Period<D> {
         let extent = if turns { along.norm() } else { along[axis].abs() };
         let wrong = |what: &str| {
             let name = &wall.name;
-            Err(Error::Scene(format!("wall \"{name}\" {what}, in a domain that is periodic along axis {axis}")))
+            Err(Error::Scene(format!(
+                "wall \"{name}\" {what}, in a domain that is periodic along axis {axis}"
+            )))
         };
         if (extent - length).abs() <= 1e-9 * length {
             let level = (0..D).all(|other| other == axis || along[other].abs() <= 1e-9 * length);

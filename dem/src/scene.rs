@@ -173,7 +173,10 @@ impl<const D: usize> Scene<'_, D> {
     /// Adds the body of a wall where grain i touches it.
     pub fn push_wall(&self, touch: Touch, i: usize, bodies: &mut Bodies<D>) {
         let placed = &self.placed[touch.wall as usize];
-        bodies.push(&placed.velocity_at(placed.nearest(&self.beside(touch.wall, &self.particles.position[i]))), 0.0);
+        bodies.push(
+            &placed.velocity_at(placed.nearest(&self.beside(touch.wall, &self.particles.position[i]))),
+            0.0,
+        );
         if bodies.spins() {
             bodies.push_spin(0.0, 0.0);
         }

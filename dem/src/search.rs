@@ -211,7 +211,8 @@ impl<const D: usize> Search<D> {
                 let j = grid.grain_of[b] as usize;
                 let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
                 let way = p.position[j] - p.position[i];
-                let near = period.nearest(way).norm_squared() < reach * reach && period.crosses(&way) == across;
+                let near =
+                    period.nearest(way).norm_squared() < reach * reach && period.crosses(&way) == across;
                 if near && !(p.held(i) && p.held(j)) {
                     chunk.pairs.push([a as u32, b as u32]);
                 }

@@ -7,6 +7,7 @@ use crate::conditions::{self, Condition, Constraint, FlowCondition, ScalarCondit
 use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
+use crate::mesh::Periodic;
 use crate::points::{CellExchange, Points, PointsByCell, solid_flux};
 use crate::transport::{self, CellScalar, Form, Scalar};
 use crate::{Error, Mesh, Result, Vector, boundary};
@@ -46,6 +47,13 @@ impl<const D: usize> State<D> {
     /// The values of scalar `k`; none if there is no such scalar.
     pub fn scalar(&self, k: usize) -> &[f64] {
         self.scalars.get(k).map_or(&[], Vec::as_slice)
+    }
+
+    /// Gives the images of nodes the values of their masters.
+    pub fn join(&mut self, periodic: &Periodic<D>) {
+        periodic.mirror(&mut self.velocity);
+        periodic.mirror(&mut self.pressure);
+        self.scalars.iter_mut().for_each(|values| periodic.mirror(values));
     }
 
     /// Takes the values of another state, in the memory that there is.
@@ -127,12 +135,13 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         properties: Properties<D>,
         scalars: &[Scalar],
         conditions: &[Condition<D>],
-        state: State<D>,
+        mut state: State<D>,
         numerics: &Numerics,
     ) -> Result<Self> {
         conditions::check(&mesh, conditions)?;
         let nodes = mesh.points.len();
         check_state(&state, nodes, scalars.len())?;
+        state.join(&mesh.periodic);
         let masters: Vec<u32> = mesh.cells.iter().map(|node| mesh.periodic.master(*node)).collect();
         let assembler = Assembler::new::<B>(nodes, &masters);
         let pattern = &assembler.pattern;
@@ -204,7 +213,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     pub fn set_state(&mut self, state: &State<D>) -> Result<()> {
         check_state(state, self.geometry.mesh.points.len(), self.scalars.len())?;
         self.next.copy_from(state);
-        self.state.copy_from(state);
+        self.next.join(&self.geometry.mesh.periodic);
+        self.state.copy_from(&self.next);
         Ok(())
     }
 

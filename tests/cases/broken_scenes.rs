@@ -574,8 +574,14 @@ fn what_does_not_fit_periodic_sides_is_named() {
             "grains[0].placement={deposit={lower=[0.0,0.0],upper=[0.016,0.008]}}",
             &["grains[0].placement.deposit", "poured between walls"],
         ),
-        ("fluid.mesh_motion={amplitude=[0.0,1e-4],frequency=1.0}", &["fluid.mesh_motion", "not available together"]),
-        ("fluid.mesh.rectangle.sides.right=lid", &["\"lid\" lies there and elsewhere", "names that no other part has"]),
+        (
+            "fluid.mesh_motion={amplitude=[0.0,1e-4],frequency=1.0}",
+            &["fluid.mesh_motion", "not available together"],
+        ),
+        (
+            "fluid.mesh.rectangle.sides.right=lid",
+            &["\"lid\" lies there and elsewhere", "names that no other part has"],
+        ),
         ("fluid.mesh.rectangle.structured.squares=[2,2]", &["three cells at least"]),
         ("fluid.boundaries[0].name=left", &["fluid.boundaries[0].name = \"left\"", "floor, lid"]),
         ("fluid.body_force=[1.0]", &["fluid.body_force", "give 2 numbers"]),

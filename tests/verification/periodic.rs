@@ -107,7 +107,10 @@ fn grains_in_shear_do_not_depend_on_where_the_sides_are() {
             .count();
         assert!(x.iter().all(|x| (0.0..LENGTH).contains(&x.x)), "a grain is outside");
     }
-    assert!(wrapped > 20 && across > 20, "{wrapped} passages, {across} of {touching} contacts across the sides");
+    assert!(
+        wrapped > 20 && across > 20,
+        "{wrapped} passages, {across} of {touching} contacts across the sides"
+    );
 }
 
 /// In shear the momentum changes by what the walls give, and heat stays; across the sides as elsewhere.
@@ -216,7 +219,8 @@ solver = { tolerance = 1e-12 }
 fn with_grains(text: &str, sets: &[String], grains: &[(V, f64)]) -> (TempDir, Scene) {
     let folder = tempfile::tempdir().expect("a folder");
     let rows = grains.iter().map(|(x, r)| format!("{:?},{:?},{r:?}\n", x.x, x.y));
-    fs::write(folder.path().join("grains.csv"), "x,y,r\n".to_owned() + &rows.collect::<String>()).expect("a file");
+    fs::write(folder.path().join("grains.csv"), "x,y,r\n".to_owned() + &rows.collect::<String>())
+        .expect("a file");
     let scene = parsed(&folder.path().join("scene.toml"), text, sets);
     (folder, scene)
 }
@@ -252,7 +256,8 @@ fn a_suspension_in_shear_does_not_depend_on_where_the_sides_are() {
         for step in 0..25 {
             for (_, run) in &mut runs {
                 let report = run.step().unwrap_or_else(|error| panic!("{scheme}: {error}"));
-                let (volume, momentum) = (report.solid_volume_defect.unwrap(), report.momentum_exchange_defect.unwrap());
+                let (volume, momentum) =
+                    (report.solid_volume_defect.unwrap(), report.momentum_exchange_defect.unwrap());
                 assert!(volume < 1e-14, "{scheme}, step {step}: {volume}");
                 assert!(momentum < 1e-11, "{scheme}, step {step}: {momentum}");
                 let energy = report.energy_exchange_defect.unwrap();
@@ -360,7 +365,8 @@ fn a_channel_driven_by_a_body_force_has_the_exact_parabola() {
         }
         let flux = fluid.nodal_volume.iter().zip(&fields.velocity).map(|(v, u)| v * u.x).sum::<f64>();
         // The walls take what the body force gives.
-        let force = run.readings().into_iter().find(|(name, _)| name == "force_walls_x_N_per_m").expect("a column").1;
+        let force =
+            run.readings().into_iter().find(|(name, _)| name == "force_walls_x_N_per_m").expect("a column").1;
         assert!((force / (800.0 * 0.02 * 2e-4) - 1.0).abs() < 1e-8, "{force} N/m");
         1.0 - flux / 2e-4 / mean
     });
@@ -407,8 +413,7 @@ fn the_drag_in_a_periodic_box_balances_the_body_force() {
     let force = 0.04_f64.hypot(0.02);
     // rho b (cell - grain) = gamma(u) u, by bisection.
     let drag = |speed: f64| {
-        let around =
-            Surroundings { slip: speed, voidage, diameter: 1e-3, density: 1000.0, viscosity: 1e-3 };
+        let around = Surroundings { slip: speed, voidage, diameter: 1e-3, density: 1000.0, viscosity: 1e-3 };
         area * Drag::Dallavalle.coefficient(&around, VoidageFunction::Henry) * speed
     };
     let (mut low, mut high) = (0.0, 1.0);

@@ -29,7 +29,8 @@ impl Mesh {
         for part in &mesh.boundaries {
             boundaries.set_item(&part.name, integers(py, &part.facets, D)?)?;
         }
-        let masters: Vec<u32> = (0..mesh.points.len() as u32).map(|node| mesh.periodic.master(node)).collect();
+        let masters: Vec<u32> =
+            (0..mesh.points.len() as u32).map(|node| mesh.periodic.master(node)).collect();
         let masters = match mesh.periodic.is_none() {
             true => py.None(),
             false => integers(py, &masters, 1)?.unbind(),

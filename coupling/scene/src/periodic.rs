@@ -39,7 +39,8 @@ impl Periodic {
             let most = ALIKE * (high - low);
             if (low - ends[0]).abs() > most || (high - ends[1]).abs() > most {
                 let path = format!("periodic.{name}");
-                let message = format!("`{path} = [{low}, {high}]`: the mesh ends at {} and {}", ends[0], ends[1]);
+                let message =
+                    format!("`{path} = [{low}, {high}]`: the mesh ends at {} and {}", ends[0], ends[1]);
                 return Err(scene.error(&path, message, "give the ends of the mesh"));
             }
         }

@@ -17,8 +17,11 @@ impl<const D: usize> Grid<D> {
     /// Finds the pairs closer than the sum of their radii with skins + `reach` of which the one is nearest to an image of
     /// the other.
     pub(super) fn gather_across(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64) {
+        self.across.clear();
+        if self.period.is_none() {
+            return;
+        }
         let mut across = std::mem::take(&mut self.across);
-        across.clear();
         let shifts = stencil::<D>(true).into_iter();
         let period = self.period;
         for shift in shifts.filter(|shift| (0..D).all(|a| shift[a] == 0 || period.length(a).is_some())) {

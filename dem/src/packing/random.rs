@@ -112,9 +112,9 @@ impl<const D: usize> Occupied<D> {
             return self.is_image_free(x, r, position, radius);
         }
         let images = crate::space::stencil::<D>(false).into_iter();
-        images.map(|shift| Vector::<D>::from_fn(|axis, _| shift[axis] as f64 * self.period[axis])).all(|shift| {
-            self.is_image_free(&(x + shift), r, position, radius)
-        })
+        images
+            .map(|shift| Vector::<D>::from_fn(|axis, _| shift[axis] as f64 * self.period[axis]))
+            .all(|shift| self.is_image_free(&(x + shift), r, position, radius))
     }
 
     fn is_image_free(&self, x: &Vector<D>, r: f64, position: &[Vector<D>], radius: &[f64]) -> bool {

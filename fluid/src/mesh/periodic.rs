@@ -36,9 +36,13 @@ impl<const D: usize> Periodic<D> {
             *master_of as usize <= node && master[*master_of as usize] == *master_of
         };
         if !good || !master.iter().enumerate().all(first) {
-            return Err(Error::Mesh(format!("nodes that are one over the periods {:?} have no first", period.as_slice())));
+            return Err(Error::Mesh(format!(
+                "nodes that are one over the periods {:?} have no first",
+                period.as_slice()
+            )));
         }
-        let images = (0..).zip(&master).filter(|(node, of)| node != *of).map(|(node, of)| [node, *of]).collect();
+        let images =
+            (0..).zip(&master).filter(|(node, of)| node != *of).map(|(node, of)| [node, *of]).collect();
         Ok(Self { period, images, master })
     }
 
@@ -124,7 +128,8 @@ impl<const D: usize> Mesh<D> {
 
     fn join_along(&mut self, axis: usize, sides: [f64; 2], master: &mut [u32]) -> Result<()> {
         let (other, length) = (1 - axis, sides[1] - sides[0]);
-        let wrong = |text: String| Err(Error::Mesh(format!("the sides at {} and {} m: {text}", sides[0], sides[1])));
+        let wrong =
+            |text: String| Err(Error::Mesh(format!("the sides at {} and {} m: {text}", sides[0], sides[1])));
         let on = |points: &[Vector<D>], node: u32, side: usize| {
             (points[node as usize][axis] - sides[side]).abs() <= ALIKE * length
         };
@@ -132,7 +137,10 @@ impl<const D: usize> Mesh<D> {
             let places = self.cell(cell).iter().map(|node| self.points[*node as usize][axis]);
             let [low, high] = places.fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(x), high.max(x)]);
             if high - low > LONGEST_CELL * length {
-                return wrong(format!("cell {cell} is {} m long: three cells at least must lie between them", high - low));
+                return wrong(format!(
+                    "cell {cell} is {} m long: three cells at least must lie between them",
+                    high - low
+                ));
             }
         }
         let nodes = [0, 1].map(|side| {
@@ -172,7 +180,10 @@ impl<const D: usize> Mesh<D> {
             let apart = (image - self.points[second as usize]).norm();
             if apart > ALIKE * length {
                 let place = self.points[first as usize];
-                return wrong(format!("the node at {:?} has no image: the nearest is {apart:.3e} m away", place.as_slice()));
+                return wrong(format!(
+                    "the node at {:?} has no image: the nearest is {apart:.3e} m away",
+                    place.as_slice()
+                ));
             }
             self.points[first as usize][axis] = sides[0];
             self.points[second as usize] = image;
@@ -204,7 +215,12 @@ mod tests {
             upper: [3.0, 1.0],
             size: None,
             structured: Some(Structured { squares, diagonals: Diagonals::default() }),
-            sides: Sides { left: side("left"), right: side("right"), bottom: side("bottom"), top: side("top") },
+            sides: Sides {
+                left: side("left"),
+                right: side("right"),
+                bottom: side("bottom"),
+                top: side("top"),
+            },
             holes: vec![],
             refine: vec![],
         }

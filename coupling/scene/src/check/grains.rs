@@ -647,7 +647,8 @@ impl Scene {
             return Err(self.error(&path(b), message, "keep groups of grains apart"));
         }
         for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
-            let cuts = |wall: &&Wall| distance_to_wall(wall, &self.period(), at) < radius * (1.0 - LEFT_BY_SETTLING);
+            let cuts =
+                |wall: &&Wall| distance_to_wall(wall, &self.period(), at) < radius * (1.0 - LEFT_BY_SETTLING);
             if let Some(wall) = self.walls.iter().find(cuts) {
                 let message =
                     format!("`{}`: the grain {} overlaps the wall \"{}\"", path(i), number(i), wall.name);

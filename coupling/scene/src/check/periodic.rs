@@ -18,7 +18,8 @@ pub(super) fn check(scene: &Scene) -> Checked {
         if let Some(MeshSource::Rectangle(rectangle)) = scene.fluid.as_ref().map(|fluid| &fluid.mesh) {
             let ends = [rectangle.lower[axis], rectangle.upper[axis]];
             if [low, high] != ends {
-                let message = format!("`{path} = [{low}, {high}]`: the mesh ends at {} and {}", ends[0], ends[1]);
+                let message =
+                    format!("`{path} = [{low}, {high}]`: the mesh ends at {} and {}", ends[0], ends[1]);
                 return fail(scene, &path, message, format!("give `{name} = {ends:?}`"));
             }
         }
@@ -46,7 +47,8 @@ fn placements(scene: &Scene) -> Checked {
         None => Ok(()),
         Some(k) => {
             let path = format!("grains[{k}].placement.deposit");
-            let message = format!("`{path}`: grains are poured between walls, and `[periodic]` has none at its sides");
+            let message =
+                format!("`{path}`: grains are poured between walls, and `[periodic]` has none at its sides");
             let help = "place them at random or on a lattice and let them settle in the run, or read them from a file";
             fail(scene, &path, message, help)
         }
@@ -59,7 +61,12 @@ fn walls(scene: &Scene) -> Checked {
     let radii = scene.grains.iter().filter_map(|group| group.radius.as_ref().map(Radius::largest));
     let largest = radii.fold(0.0, f64::max);
     if let Err(error) = period.check(largest, &[]) {
-        return fail(scene, "periodic", format!("`periodic`: {error}"), "give a longer period, or smaller grains");
+        return fail(
+            scene,
+            "periodic",
+            format!("`periodic`: {error}"),
+            "give a longer period, or smaller grains",
+        );
     }
     for (i, wall) in scene.walls.iter().enumerate() {
         let path = format!("walls[{i}]");
