@@ -117,10 +117,8 @@ impl<const D: usize> Mesh<D> {
             period[axis] = upper[axis] - lower[axis];
             self.join_along(axis, [lower[axis], upper[axis]], &mut master)?;
         }
-        for node in 0..master.len() {
-            // Masters come first, so that each finds the end of its chain there.
-            master[node] = master[master[node] as usize];
-        }
+        // Masters come first, so that each finds the end of its chain there.
+        (0..master.len()).for_each(|node| master[node] = master[master[node] as usize]);
         self.boundaries.retain(|part| !part.cells.is_empty());
         self.periodic = Periodic::new(period, master)?;
         self.check()
