@@ -46,9 +46,13 @@ impl<const D: usize> Appearing<D> {
     }
 
     /// The source of the equation of mass over `dt`, 1/s at the nodes; none if nothing came or went.
-    pub(crate) fn source(&self, dt: f64, nodal_volume: &[f64]) -> Option<Vec<f64>> {
+    pub(crate) fn source(&self, dt: f64, mesh: &Mesh<D>, nodal_volume: &[f64]) -> Option<Vec<f64>> {
         let density = |(volume, whole): (&f64, &f64)| volume / whole / dt;
-        (!self.nodal.is_empty()).then(|| self.nodal.iter().zip(nodal_volume).map(density).collect())
+        (!self.nodal.is_empty()).then(|| {
+            let mut source = self.nodal.iter().zip(nodal_volume).map(density).collect::<Vec<f64>>();
+            mesh.periodic.mirror(&mut source);
+            source
+        })
     }
 
     /// The fluid has been told.
@@ -81,7 +85,7 @@ fn spread<const D: usize>(
     for (k, change) in changes.iter().enumerate().filter(|(k, _)| pieces.of(*k).is_empty()) {
         let far = |node: &usize| (mesh.points[*node] - change.place).norm_squared();
         let nearest = (0..mesh.points.len()).min_by(|a, b| far(a).total_cmp(&far(b)));
-        nearest.into_iter().for_each(|node| nodal[node] += volumes[k]);
+        nearest.into_iter().for_each(|node| nodal[mesh.periodic.master(node as u32) as usize] += volumes[k]);
     }
     Ok(())
 }

@@ -12,6 +12,7 @@ use crate::{Notice, StepReport, TEMPERATURE};
 use std::borrow::Cow;
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::State;
+use voidage_fluid::mesh::Periodic;
 use voidage_fluid::{Mesh, MeshMotion, Vector};
 
 /// Time and number of steps.
@@ -42,7 +43,7 @@ pub struct Fluid<const D: usize> {
     /// Rows of time (s) and factor on the prescribed velocity, linear between rows, by condition; none for a factor of
     /// one.
     pub schedules: Vec<Vec<[f64; 2]>>,
-    /// Integral of each shape function, m3 (m2 in the plane).
+    /// Integral of each shape function, m3 (m2 in the plane); zero at the images of nodes of periodic sides.
     pub nodal_volume: Vec<f64>,
     /// What moves the mesh; absent if it stands still.
     pub motion: Option<Box<dyn MeshMover<D>>>,
@@ -255,7 +256,7 @@ impl<const D: usize> Default for Fluid<D> {
     fn default() -> Self {
         Self {
             backend: Box::new(Vacant),
-            mesh: Mesh { points: vec![], cells: vec![], boundaries: vec![] },
+            mesh: Mesh { points: vec![], cells: vec![], boundaries: vec![], periodic: Periodic::default() },
             accepted: State::default(),
             solution: Solution::default(),
             scalars: vec![],

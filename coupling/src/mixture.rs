@@ -225,7 +225,7 @@ impl<const D: usize> Mixture<D> {
         let rigid = Rigid { fluid: fluid.on_mesh(), density: laws.density, dt };
         load.fill_points(&rigid, (HEAT, fluid.scalars.len()), points);
         let before = report.phases;
-        let source = appearing.source(dt, &fluid.nodal_volume);
+        let source = appearing.source(dt, &fluid.mesh, &fluid.nodal_volume);
         let immersed = Immersed { points, voidage: &load.voidage, source: source.as_deref() };
         fluid.solve(dt, Some(immersed), report)?;
         interaction.receive(&OnMesh { mesh: &fluid.mesh, fields: &fluid.solution.fields });

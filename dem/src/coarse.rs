@@ -218,7 +218,7 @@ impl<const D: usize> Coarse<D> {
         self.starts.resize(grains + 1, 0);
         let pressing = || {
             let contacts = problem.contacts.iter().enumerate();
-            contacts.filter(|(k, c)| problem.pressed(*k, c) > 0.0)
+            contacts.filter(|(k, c)| problem.is_corrected(*k, c))
         };
         let sides = |c: &Contact<D>| [c.i, c.j].into_iter().filter(move |i| (*i as usize) < grains);
         for (_, c) in pressing() {
@@ -289,7 +289,7 @@ impl<const D: usize> Coarse<D> {
     /// The right-hand side that a contact gives.
     fn know<L: Law, const F: usize>(&self, problem: &Problem<D>, k: usize, known: &mut [f64]) {
         let (columns, c) = (self.columns(), &problem.contacts[k]);
-        if problem.pressed(k, c) <= 0.0 {
+        if !problem.is_corrected(k, c) {
             return;
         }
         let mut u = problem.relative_at::<L>(c) + c.normal * c.bias;
@@ -474,7 +474,7 @@ impl<const D: usize> Coarse<D> {
         let (columns, theta) = (self.columns(), &self.theta);
         let mut contacts = std::mem::take(&mut problem.contacts);
         let correct = |(k, c): (usize, &mut Contact<D>)| {
-            if problem.pressed(k, c) <= 0.0 {
+            if !problem.is_corrected(k, c) {
                 return;
             }
             let mut factors = [0.0; COLUMNS];

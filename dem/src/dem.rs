@@ -19,6 +19,11 @@ use serde::{Deserialize, Serialize};
 mod contacts;
 mod members;
 
+/// The largest radius, m.
+fn largest<const D: usize>(particles: &Particles<D>) -> f64 {
+    particles.radius.iter().fold(0.0, |most, r| most.max(*r))
+}
+
 /// Radii that a grain may go in a step.
 const RUNAWAY: f64 = 1e7;
 
@@ -178,6 +183,7 @@ impl<const D: usize> Dem<D> {
         if let Some(pair) = settings.pairs.iter().find(|pair| !known(pair)) {
             return Err(Error::Scene(format!("{pair:?}: there is no such material or wall")));
         }
+        settings.period.check(largest(&particles), &walls)?;
         let laws = Laws::new(&materials, &walls, &settings.pairs);
         let n = particles.len();
         let heat = particles.heat.is_some();
@@ -187,7 +193,7 @@ impl<const D: usize> Dem<D> {
                 return Err(Error::Scene("conduction is on but the grains carry no heat".into()));
             }
         }
-        let dem = Self {
+        let mut dem = Self {
             contact_force: vec![Vector::zeros(); n],
             contact_heat: vec![0.0; if heat { n } else { 0 }],
             wall_force: vec![Vector::zeros(); walls.len()],
@@ -201,6 +207,7 @@ impl<const D: usize> Dem<D> {
             ..Self::default()
         };
         dem.check_rolling()?;
+        dem.wrap();
         Ok(dem)
     }
 
@@ -227,6 +234,14 @@ impl<const D: usize> Dem<D> {
         }
     }
 
+    /// Puts the grains that have left through a periodic side in at the other.
+    fn wrap(&mut self) {
+        let period = &self.settings.period;
+        if !period.is_none() {
+            self.particles.position.iter_mut().for_each(|x| *x = period.wrap(*x));
+        }
+    }
+
     /// Advances by `dt` seconds under a load.
     ///
     /// # Panics
@@ -240,6 +255,7 @@ impl<const D: usize> Dem<D> {
             assert!(len == 0 || len == n, "a column of the load has {len} entries for {n} grains");
         }
         assert!(dt > 0.0 && dt.is_finite(), "the step is {dt} s");
+        self.wrap();
         self.contact_force.fill(Vector::zeros());
         self.contact_heat.fill(0.0);
         self.wall_force.fill(Vector::zeros());
@@ -420,6 +436,7 @@ impl<const D: usize> Dem<D> {
         }
         (self.search, self.problem) = (search, problem);
         self.measure_penetration(h, report);
+        self.wrap();
     }
 
     /// Adds the moments of the impulses on walls that turn, about their pivots, with grains and walls where the
@@ -435,7 +452,8 @@ impl<const D: usize> Dem<D> {
             let Some(pivot) = self.walls[wall].pivot(self.time) else { continue };
             let grain = &self.particles.position[search.grid.grain_of[c.i as usize] as usize];
             let placed = &self.placed[wall];
-            let arm = placed.point(placed.nearest(grain)) - pivot;
+            let grain = self.settings.period.image(*grain, &placed.point(0.5));
+            let arm = placed.point(placed.nearest(&grain)) - pivot;
             self.wall_torque[wall] += arm[0] * c.impulse[1] - arm[1] * c.impulse[0];
             if let Some(rolling) = problem.rolling.get(k) {
                 let i = search.grid.grain_of[c.i as usize] as usize;
@@ -446,7 +464,8 @@ impl<const D: usize> Dem<D> {
 
     /// Keeps the deepest overlap so far of the step.
     fn measure_penetration(&self, h: f64, report: &mut StepReport) {
-        let moved = Moved { particles: &self.particles, walls: &self.placed, h };
+        let period = self.settings.period;
+        let moved = Moved { particles: &self.particles, walls: &self.placed, h, period };
         let mut deepest = moved.deepest(self.contacts().map(|c| (c.grain, c.partner)));
         if !report.converged {
             // Contacts may have been missed.

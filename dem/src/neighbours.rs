@@ -15,13 +15,18 @@
 //!
 //! The cells of a level are numbered block by block, so that the grains of a tile lie together in memory.
 //!
+//! Along a periodic axis the grid covers the domain, and pairs across its sides make one more tile.
+//!
 //! Positions outside the grid are clamped to its border cells: clamping keeps neighbours neighbours, so a
 //! grain that flies away costs speed at worst.
 
+use crate::period::Period;
 use crate::space::{Vector, stencil};
 use crate::velocity_bounds::SKIN;
+use across::Across;
 use wide::Wide;
 
+mod across;
 mod wide;
 
 /// Slots (places in cell order) of a range of cells, and the grains in them.
@@ -42,16 +47,29 @@ pub(crate) struct Grid<const D: usize> {
     base: usize,
     largest: f64,
     tile: i64,
-    /// Tiles in the order of their colours (none: the one of the grains on levels above the base), and the first tile of
-    /// each colour.
-    pub tiles: Vec<Option<[i64; D]>>,
+    /// Tiles in the order of their colours, and the first tile of each colour.
+    pub tiles: Vec<Tile<D>>,
     pub colours: Vec<usize>,
     /// Grains on levels above the base, in the order of their slots, the last ones; and pairs of them that may meet.
     wide: Vec<Wide<D>>,
     wide_pairs: Vec<[u32; 2]>,
+    period: Period<D>,
+    /// Pairs that may meet across periodic sides.
+    across: Vec<Across>,
     cell_of: Vec<u32>,
     later: Vec<[i64; D]>,
     around: Vec<[i64; D]>,
+}
+
+/// A set of contacts that one thread sweeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Tile<const D: usize> {
+    /// Those of the grains in a block of cells.
+    Block([i64; D]),
+    /// Those of the grains on levels above the base.
+    Wide,
+    /// Those across periodic sides.
+    Across,
 }
 
 /// More levels than any sensible mixture needs.
@@ -82,6 +100,8 @@ impl<const D: usize> Default for Grid<D> {
             colours: vec![],
             wide: vec![],
             wide_pairs: vec![],
+            period: Period::default(),
+            across: vec![],
             cell_of: vec![],
             later: vec![],
             around: vec![],
@@ -90,9 +110,11 @@ impl<const D: usize> Default for Grid<D> {
 }
 
 impl<const D: usize> Grid<D> {
-    /// Sorts grains into cells; pairs closer than the sum of their radii with skins + `reach` will be met.
-    pub fn build(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64) {
+    /// Sorts grains into cells; pairs closer than the sum of their radii with skins + `reach` will be met. Along periodic axes
+    /// all positions lie in the domain.
+    pub fn build(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64, period: &Period<D>) {
         let n = position.len();
+        self.period = *period;
         if self.later.is_empty() {
             (self.later, self.around) = (stencil(true), stencil(false));
         }
@@ -133,6 +155,7 @@ impl<const D: usize> Grid<D> {
         self.largest = narrow.iter().fold(0.0, |most: f64, &i| most.max(radius[i as usize]));
         self.cut_tiles(n);
         self.gather_wide(position, radius, reach);
+        self.gather_across(position, radius, reach);
     }
 
     /// The first slot of a wide grain: the levels lie one behind the other.
@@ -142,7 +165,12 @@ impl<const D: usize> Grid<D> {
 
     /// Origin, width of cells and number of levels; at most about two cells per grain.
     fn choose_cells(&mut self, position: &[Vector<D>], finest: f64, coarsest: f64) {
-        let (low, high) = robust_box(position);
+        let (mut low, mut high) = robust_box(position);
+        for axis in 0..D {
+            if let Some(sides) = self.period.sides()[axis] {
+                [low[axis], high[axis]] = sides;
+            }
+        }
         let most = 2.0 * position.len() as f64 + 64.0;
         let extent = high - low;
         let mut width = coarsest;
@@ -191,13 +219,17 @@ impl<const D: usize> Grid<D> {
             let tiles = &mut self.tiles;
             each_cell(&[0; D], &counts, |t| {
                 if (0..D).all(|a| t[a] & 1 == (colour >> a & 1) as i64) {
-                    tiles.push(Some(*t));
+                    tiles.push(Tile::Block(*t));
                 }
             });
         }
         self.colours.push(self.tiles.len());
         if self.base + 1 < self.levels {
-            self.tiles.push(None);
+            self.tiles.push(Tile::Wide);
+            self.colours.push(self.tiles.len());
+        }
+        if !self.period.is_none() {
+            self.tiles.push(Tile::Across);
             self.colours.push(self.tiles.len());
         }
     }
@@ -258,8 +290,25 @@ impl<const D: usize> Grid<D> {
     }
 
     /// Zones with grains that a segment may meet: those whose distance from it is at most `radii` radii of the
-    /// grain and `range`.
+    /// grain and `range`; some more than once where the domain is periodic.
     pub fn near_segment(&self, points: &[Vector<D>; 2], radii: f64, range: f64, mut f: impl FnMut(usize)) {
+        if self.period.is_none() {
+            return self.near_image(points, radii, range, &mut f);
+        }
+        let middle = 0.5 * (points[0] + points[1]);
+        let along = points[1] - points[0];
+        let beyond = 0.5 * along.norm() + radii * self.widest() + range;
+        self.images(&self.period.wrap(middle), beyond, |image| {
+            self.near_image(&[image - along * 0.5, image + along * 0.5], radii, range, &mut f);
+        });
+    }
+
+    /// The largest radius of all, m.
+    fn widest(&self) -> f64 {
+        self.wide.iter().fold(self.largest, |most, wide| most.max(wide.radius))
+    }
+
+    fn near_image(&self, points: &[Vector<D>; 2], radii: f64, range: f64, f: &mut impl FnMut(usize)) {
         let width = self.width();
         let along = points[1] - points[0];
         let distance = |x: &Vector<D>| {
@@ -314,10 +363,19 @@ impl<const D: usize> Grid<D> {
             f(a, b);
             f(b, a);
         }
+        for [a, b] in self.across.iter().map(|pair| pair.zones.map(|zone| zone as usize)) {
+            f(a, b);
+            f(b, a);
+        }
     }
 
-    /// Calls `f(slot)` for all slots in the cells around (and at) a point on every level.
+    /// Calls `f(slot)` for all slots in the cells around (and at) a point on every level, and around its images beyond
+    /// periodic sides.
     pub fn around(&self, x: &Vector<D>, mut f: impl FnMut(usize)) {
+        self.images(x, self.width(), |image| self.around_image(image, &mut f));
+    }
+
+    fn around_image(&self, x: &Vector<D>, mut f: &mut impl FnMut(usize)) {
         let finest = self.locate(x);
         for level in 0..self.levels {
             let home = finest.map(|q| q >> level.max(self.base));
@@ -341,7 +399,11 @@ impl<const D: usize> Grid<D> {
     /// Calls `f(zone, slot, Some(slots))` for the slots of one tile with others that they may touch, each
     /// pair once; and before that `f(zone, slot, None)` once for each slot.
     pub fn each_in_tile(&self, tile: usize, mut f: impl FnMut(usize, usize, Option<std::ops::Range<usize>>)) {
-        let Some(t) = self.tiles[tile] else { return self.each_of_wide(f) };
+        let t = match self.tiles[tile] {
+            Tile::Block(t) => t,
+            Tile::Wide => return self.each_of_wide(f),
+            Tile::Across => return self.each_across(f),
+        };
         let dims = self.level_dims(self.base);
         for level in 0..=self.base {
             let s = self.base - level;
@@ -444,7 +506,7 @@ mod tests {
         x[5] = Vector::repeat(far); // an outlier, and one beside it
         x[6] = Vector::repeat(far + radii[0]);
         let mut grid = Grid::<D>::default();
-        grid.build(&x, &r, reach);
+        grid.build(&x, &r, reach, &Period::default());
         let close = |i: usize, j: usize| (x[i] - x[j]).norm() < r[i] + r[j] + reach;
         let mut found = vec![];
         for t in 0..grid.tiles.len() {
@@ -473,11 +535,56 @@ mod tests {
         pairs_match_brute_force::<3>([0.3, 2.0], 40, 5.0);
     }
 
+    /// Every pair is met once, by its shortest way, in domains that are periodic along one axis or both.
+    #[test]
+    fn every_pair_is_met_once_across_periodic_sides() {
+        let x_only = [Some([0.0, 10.0]), None];
+        for (sides, radii, reach) in [
+            (x_only, [0.1, 0.1], 0.02),
+            (x_only, [0.05, 1.2], 0.02),
+            (x_only, [0.1, 0.1], 7.0),
+            ([Some([0.0, 10.0]); 2], [0.1, 0.1], 0.02),
+            ([Some([0.0, 10.0]); 2], [0.05, 1.2], 0.5),
+            ([Some([0.0, 10.0]); 2], [0.1, 0.1], 7.0),
+        ] {
+            let period = Period::<2>::new(sides).unwrap();
+            let mut rng = rand_pcg::Pcg64::seed_from_u64(11);
+            let n = 500;
+            let x: Vec<Vector<2>> =
+                (0..n).map(|_| Vector::from_fn(|_, _| rng.random_range(0.0..10.0))).collect();
+            let r: Vec<f64> = (0..n).map(|k| if k % 90 == 0 { radii[1] } else { radii[0] }).collect();
+            let mut grid = Grid::<2>::default();
+            grid.build(&x, &r, reach, &period);
+            let close = |i: usize, j: usize| period.nearest(x[i] - x[j]).norm() < r[i] + r[j] + reach;
+            let mut found = vec![];
+            for t in 0..grid.tiles.len() {
+                grid.each_in_tile(t, |_, a, others| {
+                    for b in others.into_iter().flatten() {
+                        let (i, j) = (grid.grain_of[a] as usize, grid.grain_of[b] as usize);
+                        let across = period.crosses(&(x[i] - x[j]));
+                        if across == (grid.tiles[t] == Tile::Across) && close(i, j) {
+                            found.push((i.min(j), i.max(j)));
+                        }
+                    }
+                });
+            }
+            found.sort_unstable();
+            let all: Vec<_> =
+                (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).filter(|&(i, j)| close(i, j)).collect();
+            assert!(found == all, "{sides:?} {radii:?} {reach}: {} of {}", found.len(), all.len());
+        }
+    }
+
     #[test]
     fn an_endless_reach_was_an_index_out_of_bounds() {
         for reach in [f64::INFINITY, f64::NAN, 1e300] {
             let mut grid = Grid::<2>::default();
-            grid.build(&[Vector::<2>::zeros(), Vector::<2>::repeat(1.0)], &[0.1, 0.2], reach);
+            grid.build(
+                &[Vector::<2>::zeros(), Vector::<2>::repeat(1.0)],
+                &[0.1, 0.2],
+                reach,
+                &Period::default(),
+            );
             let mut met = 0;
             for tile in 0..grid.tiles.len() {
                 grid.each_in_tile(tile, |_, _, others| met += others.map_or(0, |others| others.len()));
@@ -490,8 +597,8 @@ mod tests {
     fn one_large_grain_does_not_widen_the_tiles_of_the_others() {
         let grid = pairs_match_brute_force::<2>([0.1, 0.5], 400, 5.0);
         assert!(grid.levels > 1 && grid.base == 0, "levels {}, base {}", grid.levels, grid.base);
-        assert_eq!(grid.tiles.iter().filter(|tile| tile.is_none()).count(), 1);
+        assert_eq!(grid.tiles.iter().filter(|tile| **tile == Tile::Wide).count(), 1);
         let grid = pairs_match_brute_force::<2>([0.1, 0.5], 4, 5.0);
-        assert!(grid.tiles.iter().all(Option::is_some), "many large grains are swept with the others");
+        assert!(!grid.tiles.contains(&Tile::Wide), "many large grains are swept with the others");
     }
 }

@@ -159,9 +159,11 @@ impl<const D: usize> Source<D> {
     /// Grains that reach into the box.
     fn near(&self, grains: &Dem<D>) -> Vec<(Vector<D>, f64)> {
         let Region { low, high } = &self.region;
-        let all = grains.particles.position.iter().zip(&grains.particles.radius);
+        let (period, middle) = (grains.settings().period, (low + high) * 0.5);
+        let all =
+            grains.particles.position.iter().map(|x| period.image(*x, &middle)).zip(&grains.particles.radius);
         let reaches = |x: &Vector<D>, r: f64| (0..D).all(|a| x[a] + r > low[a] && x[a] - r < high[a]);
-        all.filter(|(x, r)| reaches(x, **r)).map(|(x, r)| (*x, *r)).collect()
+        all.filter(|(x, r)| reaches(x, **r)).map(|(x, r)| (x, *r)).collect()
     }
 
     /// A free place for a grain, if one was found.
@@ -173,13 +175,18 @@ impl<const D: usize> Source<D> {
     ) -> Option<Vector<D>> {
         let Region { low, high } = &self.region;
         let walls: Vec<[Vector<D>; 2]> = grains.walls().iter().map(|wall| wall.at(grains.time())).collect();
+        let period = &grains.settings().period;
         for _ in 0..TRIES {
             let mut random = self.random(2, fed.drawn);
             fed.drawn += 1;
             let room = |a: usize| (high[a] - low[a] - 2.0 * radius).max(0.0);
             let place = Vector::from_fn(|a, _| low[a] + radius + room(a) * random.random::<f64>());
-            let free = near.iter().all(|(x, r)| (x - place).norm_squared() >= (r + radius).powi(2));
-            let off = walls.iter().all(|ends| distance(ends, &place) >= radius);
+            let free =
+                near.iter().all(|(x, r)| period.nearest(x - place).norm_squared() >= (r + radius).powi(2));
+            let off = walls.iter().all(|ends| {
+                let image = period.image(place, &(0.5 * (ends[0] + ends[1])));
+                distance(ends, &image) >= radius
+            });
             if free && off {
                 return Some(place);
             }
@@ -318,8 +325,10 @@ impl<const D: usize> Passage<D> {
         }
         let (particles, time) = (&grains.particles, grains.time());
         let by = |i: usize| {
-            let (before, now) = (self.before.get(i), &particles.position[i]);
-            self.sinks.iter().position(|sink| sink.takes(before, now, time))
+            let now = &particles.position[i];
+            // Where the grain came from, beside where it is: it may have come in at the other side.
+            let before = self.before.get(i).map(|before| grains.settings().period.image(*before, now));
+            self.sinks.iter().position(|sink| sink.takes(before.as_ref(), now, time))
         };
         let mut marks = vec![];
         for i in (0..particles.len()).filter(|i| !gone(*i)) {

@@ -1,6 +1,7 @@
 //! How far grains have come into each other and into walls: what contacts should have prevented.
 
 use crate::dem::Partner;
+use crate::period::Period;
 use crate::walls::Placed;
 use crate::{Particles, Vector};
 
@@ -19,6 +20,7 @@ pub(crate) struct Moved<'a, const D: usize> {
     /// The walls where they were at the start.
     pub walls: &'a [Placed<D>],
     pub h: f64,
+    pub period: Period<D>,
 }
 
 impl<const D: usize> Moved<'_, D> {
@@ -46,7 +48,7 @@ impl<const D: usize> Moved<'_, D> {
     /// apart at its end.
     fn of_grains(&self, i: usize, j: usize) -> f64 {
         let p = self.particles;
-        let arm = p.position[j] - p.position[i];
+        let arm = self.period.nearest(p.position[j] - p.position[i]);
         let way = (p.velocity[j] - p.velocity[i]) * self.h;
         // How long ago they were nearest, as a share of the way; who has only gone apart is judged by the end.
         let back = arm.dot(&way) / way.norm_squared();
@@ -57,24 +59,28 @@ impl<const D: usize> Moved<'_, D> {
     /// Measured from the side of the wall that the centre was on at the start: a centre that has crossed the wall is a radius
     /// and more deep, however far it has gone.
     fn with_wall(&self, i: usize, wall: &Placed<D>) -> f64 {
-        let (radius, end) = (self.particles.radius[i], self.particles.position[i]);
-        let start = end - self.particles.velocity[i] * self.h;
         let moved = wall.after(self.h);
+        let (radius, end) =
+            (self.particles.radius[i], self.period.image(self.particles.position[i], &moved.point(0.5)));
+        let start = end - self.particles.velocity[i] * self.h;
         let distance = (moved.point(moved.nearest(&end)) - end).norm();
-        let signed = if crossed((wall, &start), (&moved, &end)) { -distance } else { distance };
+        let endless = self.period.spans(&wall.points);
+        let signed = if crossed((wall, &start), (&moved, &end), endless) { -distance } else { distance };
         (radius - signed) / radius
     }
 }
 
-/// Whether a point that goes straight from a place beside a wall to a place beside where the wall is then passes through it.
+/// Whether a point that goes straight from a place beside a wall to a place beside where the wall is then passes through
+/// it; an endless wall leads from one periodic side to the other.
 fn crossed<const D: usize>(
     (wall, start): (&Placed<D>, &Vector<D>),
     (moved, end): (&Placed<D>, &Vector<D>),
+    endless: bool,
 ) -> bool {
     let ((before, from), (after, to)) = (beside(wall, start), beside(moved, end));
     before.dot(&after) < 0.0 && {
         let way = before.norm() / (before.norm() + after.norm());
-        (0.0..=1.0).contains(&(from + way * (to - from)))
+        endless || (0.0..=1.0).contains(&(from + way * (to - from)))
     }
 }
 
@@ -107,7 +113,9 @@ mod tests {
         let mut floor = Wall::new("floor", vector([0.0, 0.0]), vector([10.0, 0.0]));
         floor.motion = crate::Motion::Translation { velocity: vector([0.0, risen]) / h };
         let walls = [Placed::new(&floor, 0.0, h)];
-        Moved { particles: &particles, walls: &walls, h }.deepest([pair].into_iter()).depth
+        Moved { particles: &particles, walls: &walls, h, period: Period::default() }
+            .deepest([pair].into_iter())
+            .depth
     }
 
     const FLOOR: (u32, Partner) = (0, Partner::Wall(0));

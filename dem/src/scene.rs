@@ -192,7 +192,7 @@ impl<const D: usize> Scene<'_, D> {
 
     pub fn between_grains(&self, slots: [u32; 2], [i, j]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
         let (p, i, j) = (self.particles, i as usize, j as usize);
-        let arm = p.position[j] - p.position[i];
+        let arm = self.settings.period.nearest(p.position[j] - p.position[i]);
         let distance = arm.norm();
         let normal = if distance > 0.0 { arm / distance } else { crate::space::first_axis() };
         let gap = distance - p.radius[i] - p.radius[j];
@@ -203,10 +203,18 @@ impl<const D: usize> Scene<'_, D> {
         (contact, gap)
     }
 
+    /// The image of a point that may touch a wall.
+    pub fn beside(&self, wall: u32, x: &Vector<D>) -> Vector<D> {
+        self.settings.period.image(*x, &self.placed[wall as usize].point(0.5))
+    }
+
     /// Adds the body of a wall where grain i touches it.
     pub fn push_wall(&self, touch: Touch, i: usize, bodies: &mut Bodies<D>) {
         let placed = &self.placed[touch.wall as usize];
-        bodies.push(&placed.velocity_at(placed.nearest(&self.particles.position[i])), 0.0);
+        bodies.push(
+            &placed.velocity_at(placed.nearest(&self.beside(touch.wall, &self.particles.position[i]))),
+            0.0,
+        );
         if bodies.spins() {
             bodies.push_spin(0.0, 0.0);
         }
@@ -216,8 +224,9 @@ impl<const D: usize> Scene<'_, D> {
     pub fn with_wall(&self, slots: [u32; 2], [i, w]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
         let (p, i) = (self.particles, i as usize);
         let placed = &self.placed[w as usize];
-        let share = placed.nearest(&p.position[i]);
-        let arm = placed.point(share) - p.position[i];
+        let centre = self.beside(w, &p.position[i]);
+        let share = placed.nearest(&centre);
+        let arm = placed.point(share) - centre;
         let distance = arm.norm();
         let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
         let gap = distance - p.radius[i];

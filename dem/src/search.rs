@@ -3,7 +3,7 @@
 use crate::bodies::Bodies;
 use crate::contact::Contact;
 use crate::memory::{Memory, Record, WALL};
-use crate::neighbours::Grid;
+use crate::neighbours::{Grid, Tile};
 use crate::parallel;
 use crate::repair::LEFT;
 use crate::rolling::Rolling;
@@ -78,7 +78,7 @@ impl<const D: usize> Search<D> {
         let (small, large) = p.radius.iter().fold((f64::MAX, 0f64), |(lo, hi), &r| (lo.min(r), hi.max(r)));
         // Slow grains get cells of one size, so that nothing is allocated in a bed that only trembles.
         let reach = (fastest * scene.h).max(0.1 * large.min(2.0 * small));
-        self.grid.build(&p.position, &p.radius, reach);
+        self.grid.build(&p.position, &p.radius, reach, &scene.settings.period);
         self.fill_bodies(scene, &mut problem.bodies);
         self.fill_positions(scene, problem);
         self.gather_velocities(scene, after, &problem.bodies);
@@ -148,6 +148,7 @@ impl<const D: usize> Search<D> {
                 .near_segment(&wall.points, 1.0 + SKIN, range, |zone| cells.push((zone as u32, w as u32)));
         }
         self.wall_cells.sort_unstable();
+        self.wall_cells.dedup();
         self.wall_starts.clear();
         self.wall_starts.resize(if scene.placed.is_empty() { 0 } else { self.grid.zones() + 1 }, 0);
         self.wall_of.clear();
@@ -191,10 +192,13 @@ impl<const D: usize> Search<D> {
             }
         }
         self.chunks = chunks;
+        let across = self.grid.tiles.iter().position(|tile| *tile == Tile::Across);
+        problem.first_across = across.map_or(self.pairs.len(), |tile| problem.tiles.starts[tile] as usize);
     }
 
     fn find_in_tile(&self, scene: &Scene<D>, tile: usize, chunk: &mut Chunk) {
-        let (p, grid) = (scene.particles, &self.grid);
+        let (p, grid, period) = (scene.particles, &self.grid, &scene.settings.period);
+        let across = grid.tiles[tile] == Tile::Across;
         let first = chunk.pairs.len();
         grid.each_in_tile(tile, |zone, a, others| {
             let i = grid.grain_of[a] as usize;
@@ -207,7 +211,9 @@ impl<const D: usize> Search<D> {
             for b in others.into_iter().flatten() {
                 let j = grid.grain_of[b] as usize;
                 let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
-                let near = (p.position[j] - p.position[i]).norm_squared() < reach * reach;
+                let way = p.position[j] - p.position[i];
+                let near =
+                    period.nearest(way).norm_squared() < reach * reach && period.crosses(&way) == across;
                 if near && !(p.held(i) && p.held(j)) {
                     chunk.pairs.push([a as u32, b as u32]);
                 }
@@ -314,17 +320,19 @@ impl<const D: usize> Search<D> {
         if v.norm() * scene.h > 0.25 * self.grid.width() {
             return false;
         }
-        let end = x + v * scene.h;
+        let (end, period) = (x + v * scene.h, &scene.settings.period);
         let mut free = true;
         self.grid.around(&x, |slot| {
             let j = self.grid.grain_of[slot] as usize;
             let reach = r + p.radius[j];
             let there = p.position[j] + problem.bodies.velocity(slot) * scene.h;
-            let overlap = reach - (there - end).norm();
-            let was_far = (p.position[j] - x).norm() > reach * (1.0 + SKIN);
+            let overlap = reach - period.nearest(there - end).norm();
+            let was_far = period.nearest(p.position[j] - x).norm() > reach * (1.0 + SKIN);
             free &= !(was_far && overlap > MISSED * r.min(p.radius[j]));
         });
-        free && scene.placed.iter().all(|wall| {
+        free && scene.placed.iter().zip(0..).all(|(wall, number)| {
+            let beside = scene.beside(number, &x);
+            let (x, end) = (beside, end + (beside - x));
             let moved = wall.after(scene.h);
             let was_far = (wall.point(wall.nearest(&x)) - x).norm() > r * (1.0 + SKIN);
             !was_far || (moved.point(moved.nearest(&end)) - end).norm() > r * (1.0 - MISSED)
@@ -470,7 +478,8 @@ fn near_walls<const D: usize>(scene: &Scene<D>, i: usize, walls: &[u32], range: 
     near.clear();
     for &wall in walls {
         let placed = &scene.placed[wall as usize];
-        let share = placed.nearest(x);
+        let x = scene.beside(wall, x);
+        let share = placed.nearest(&x);
         let distance = (placed.point(share) - x).norm();
         if distance < r * (1.0 + SKIN) + range {
             near.push(Near { wall, share, distance });
@@ -491,6 +500,7 @@ fn near_walls<const D: usize>(scene: &Scene<D>, i: usize, walls: &[u32], range: 
         let end = scene.placed[n.wall as usize].point(n.share);
         all.iter().enumerate().any(|(l, other)| {
             let through = &scene.placed[other.wall as usize];
+            let end = scene.beside(other.wall, &end);
             let passes = (through.point(through.nearest(&end)) - end).norm() < 1e-6 * r;
             let nearer = other.distance < n.distance * (1.0 - 1e-12)
                 || (other.distance <= n.distance * (1.0 + 1e-12) && l < k);

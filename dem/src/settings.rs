@@ -3,6 +3,7 @@
 use crate::dem::Partner;
 use crate::error::{Error, Result, check};
 use crate::heat::Conduction;
+use crate::period::Period;
 use crate::solver::REST;
 use crate::space::Vector;
 use schemars::JsonSchema;
@@ -61,6 +62,8 @@ pub struct Settings<const D: usize> {
     pub cohesion: Option<Cohesion>,
     /// Coefficients of pairs, in place of the smaller one of both sides.
     pub pairs: Vec<Pair>,
+    /// Periodic sides: grains that leave at one side come in at the other, and meet across them.
+    pub period: Period<D>,
 }
 
 /// Coefficients between a material and another one, or a wall.
@@ -104,6 +107,7 @@ impl<const D: usize> Default for Settings<D> {
             conduction: None,
             cohesion: None,
             pairs: vec![],
+            period: Period::default(),
         }
     }
 }

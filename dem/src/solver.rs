@@ -64,6 +64,8 @@ pub(crate) struct Problem<const D: usize> {
     /// Resistance to rolling of each contact; empty without.
     pub rolling: Vec<Rolling>,
     pub tiles: Tiles,
+    /// The first contact across periodic sides: those have no place between the others.
+    pub first_across: usize,
     pub friction: bool,
     /// What friction may reach at each contact once strong friction lags, N s; empty before, and where none is strong.
     bounds: Vec<f64>,
@@ -434,6 +436,13 @@ impl<const D: usize> Problem<D> {
         if pressed > ROUNDING * cohesion { pressed } else { 0.0 }
     }
 
+    /// Whether corrections over long distances take a contact: one that presses, and lies between its grains. One across
+    /// periodic sides keeps its impulse.
+    #[inline(always)]
+    pub fn is_corrected(&self, k: usize, c: &Contact<D>) -> bool {
+        k < self.first_across && self.pressed(k, c) > 0.0
+    }
+
     /// Where the surface of the first grain is at a contact.
     #[inline(always)]
     pub fn point(&self, c: &Contact<D>) -> Vector<D> {
@@ -443,7 +452,8 @@ impl<const D: usize> Problem<D> {
     /// The corners of the box around all contacts.
     fn corners(&self) -> [Vector<D>; 2] {
         let none = [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)];
-        self.contacts.iter().map(|c| self.point(c)).fold(none, |[low, high], x| [low.inf(&x), high.sup(&x)])
+        let placed = &self.contacts[..self.first_across.min(self.contacts.len())];
+        placed.iter().map(|c| self.point(c)).fold(none, |[low, high], x| [low.inf(&x), high.sup(&x)])
     }
 
     /// Relative velocity at a contact, m/s.

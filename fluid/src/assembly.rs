@@ -171,7 +171,7 @@ impl System<1> {
 }
 
 impl Assembler {
-    /// For a mesh of `nodes` nodes and the given cells of `N` nodes.
+    /// For `nodes` nodes and the given cells of `N` nodes; a node of no cell gets an equation without entries.
     pub fn new<const N: usize>(nodes: usize, cells: &[u32]) -> Self {
         let pattern = Arc::new(Pattern::from_cells(nodes, cells, N));
         let mut position = Vec::with_capacity(cells.len() * N);

@@ -144,8 +144,9 @@ impl<const D: usize> Owners<D> {
             for nodes in facets(mesh, &condition.boundary) {
                 let facet = Facet::new(mesh, nodes);
                 let area = facet.normal * facet.measure;
-                let free = nodes.iter().filter(|node| self.fixed[**node as usize] == NOBODY);
-                self.sliding.extend(free.map(|node| (*node, number, area)));
+                let masters = nodes.iter().map(|node| mesh.periodic.master(*node));
+                let free = masters.filter(|node| self.fixed[*node as usize] == NOBODY);
+                self.sliding.extend(free.map(|node| (node, number, area)));
             }
         }
         self.sliding.sort_by_key(|(node, number, _)| (*node, *number));
@@ -192,6 +193,8 @@ pub(crate) fn last<const D: usize, const B: usize>(
     out.clear();
     out.resize(geometry.mesh.points.len(), NOBODY);
     for (number, condition) in (0..).zip(conditions).filter(|(_, condition)| counts(condition)) {
-        facets(&geometry.mesh, &condition.boundary).flatten().for_each(|node| out[*node as usize] = number);
+        for node in facets(&geometry.mesh, &condition.boundary).flatten() {
+            out[geometry.mesh.periodic.master(*node) as usize] = number;
+        }
     }
 }

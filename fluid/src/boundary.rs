@@ -9,6 +9,8 @@ use crate::{Error, Mesh, Result, Vector};
 /// Geometry and rule of one facet.
 pub(crate) struct Facet<'a, const D: usize> {
     pub nodes: &'a [u32],
+    /// Those of which each node has the values.
+    masters: [u32; D],
     pub measure: f64,
     pub normal: Vector<D>,
 }
@@ -17,26 +19,27 @@ impl<'a, const D: usize> Facet<'a, D> {
     pub fn new(mesh: &Mesh<D>, nodes: &'a [u32]) -> Self {
         let corner: [Vector<D>; D] = std::array::from_fn(|k| mesh.points[nodes[k] as usize]);
         let (measure, normal) = facet_normal(&corner);
-        Self { nodes, measure, normal }
+        let masters = std::array::from_fn(|k| mesh.periodic.master(nodes[k]));
+        Self { nodes, masters, measure, normal }
     }
 
-    /// Calls `f(a, b, integral of w phi_a phi_b)` for all pairs of nodes, w given at the quadrature points
+    /// Calls `f(a, b, integral of w phi_a phi_b)` for all pairs of nodes (their masters), w given at the quadrature points
     /// by the shape functions there.
     fn mass(&self, weight: impl Fn(&[f64; 3]) -> f64, mut f: impl FnMut(u32, u32, f64)) {
         for a in 0..D {
             for b in 0..D {
                 let sum: f64 =
                     facet_rule::<D>().iter().map(|(phi, share)| share * phi[a] * phi[b] * weight(phi)).sum();
-                f(self.nodes[a], self.nodes[b], self.measure * sum);
+                f(self.masters[a], self.masters[b], self.measure * sum);
             }
         }
     }
 
-    /// Calls `f(node, integral of w phi)` for all nodes, w given as in [`Self::mass`].
+    /// Calls `f(node, integral of w phi)` for all nodes (their masters), w given as in [`Self::mass`].
     pub fn load(&self, weight: impl Fn(&[f64; 3]) -> f64, mut f: impl FnMut(u32, f64)) {
         for a in 0..D {
             let sum: f64 = facet_rule::<D>().iter().map(|(phi, share)| share * phi[a] * weight(phi)).sum();
-            f(self.nodes[a], self.measure * sum);
+            f(self.masters[a], self.measure * sum);
         }
     }
 
@@ -115,7 +118,7 @@ impl<const D: usize, const B: usize> BoundaryTerms<'_, D, B> {
         velocity: &[Vector<D>],
         system: &mut System<B>,
     ) {
-        for &node in facet.nodes {
+        for &node in &facet.masters {
             for i in 0..D {
                 system.rhs[B * node as usize + i] -= pressure * facet.normal[i] * facet.measure / D as f64;
             }
@@ -270,6 +273,14 @@ pub fn add_scalar<const D: usize>(
     }
 }
 
+/// Gives the images of nodes, which no cell adds to, equations of their own: their unknowns are zero until they get the
+/// values of their masters.
+pub fn hold_images<const D: usize, const K: usize>(mesh: &Mesh<D>, system: &mut System<K>) {
+    for [image, _] in mesh.periodic.images() {
+        (0..K).for_each(|equation| system.prescribe(*image as usize, equation, 0.0));
+    }
+}
+
 /// Puts prescribed values into the equation of scalar `k`, in the order of the scene.
 pub fn apply_values<const D: usize>(
     mesh: &Mesh<D>,
@@ -280,7 +291,8 @@ pub fn apply_values<const D: usize>(
     for condition in conditions {
         if let ScalarCondition::Value(value) = condition.scalar(k) {
             for nodes in facets(mesh, &condition.boundary) {
-                nodes.iter().for_each(|&node| system.prescribe(node as usize, 0, value.at(node as usize)));
+                let masters = nodes.iter().map(|&node| mesh.periodic.master(node) as usize);
+                masters.for_each(|node| system.prescribe(node, 0, value.at(node)));
             }
         }
     }

@@ -136,7 +136,7 @@ pub fn facets<'a, const D: usize>(
     part.into_iter().flat_map(|part| part.facets.chunks_exact(D))
 }
 
-/// The velocity conditions of every node, in the order of the scene: a later prescribed velocity wins at
+/// The velocity conditions of every node that is a master, in the order of the scene: a later prescribed velocity wins at
 /// shared nodes, slip never frees a node that is fixed and is replaced by a later prescribed velocity.
 ///
 /// Slip normals of facets within 30 degrees are averaged (a smooth boundary); a sharper corner holds each
@@ -153,7 +153,7 @@ pub fn constraints<const D: usize>(
     for condition in conditions {
         for facet in facets(mesh, &condition.boundary) {
             for &node in facet {
-                let node = node as usize;
+                let node = mesh.periodic.master(node) as usize;
                 let wall = || moving.map_or_else(Vector::zeros, |velocity| velocity[node]);
                 let value = match &condition.flow {
                     FlowCondition::Velocity(value) => value.at(node),

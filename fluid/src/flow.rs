@@ -7,6 +7,7 @@ use crate::conditions::{self, Condition, Constraint, FlowCondition, ScalarCondit
 use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
+use crate::mesh::Periodic;
 use crate::points::{CellExchange, Points, PointsByCell, solid_flux};
 use crate::transport::{self, CellScalar, Form, Scalar};
 use crate::{Error, Mesh, Result, Vector, boundary};
@@ -46,6 +47,13 @@ impl<const D: usize> State<D> {
     /// The values of scalar `k`; none if there is no such scalar.
     pub fn scalar(&self, k: usize) -> &[f64] {
         self.scalars.get(k).map_or(&[], Vec::as_slice)
+    }
+
+    /// Gives the images of nodes the values of their masters.
+    pub fn join(&mut self, periodic: &Periodic<D>) {
+        periodic.mirror(&mut self.velocity);
+        periodic.mirror(&mut self.pressure);
+        self.scalars.iter_mut().for_each(|values| periodic.mirror(values));
     }
 
     /// Takes the values of another state, in the memory that there is.
@@ -127,13 +135,15 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         properties: Properties<D>,
         scalars: &[Scalar],
         conditions: &[Condition<D>],
-        state: State<D>,
+        mut state: State<D>,
         numerics: &Numerics,
     ) -> Result<Self> {
         conditions::check(&mesh, conditions)?;
         let nodes = mesh.points.len();
         check_state(&state, nodes, scalars.len())?;
-        let assembler = Assembler::new::<B>(nodes, &mesh.cells);
+        state.join(&mesh.periodic);
+        let masters: Vec<u32> = mesh.cells.iter().map(|node| mesh.periodic.master(*node)).collect();
+        let assembler = Assembler::new::<B>(nodes, &masters);
         let pattern = &assembler.pattern;
         let equation = |scalar: &Scalar| Equation {
             scalar: scalar.clone(),
@@ -203,7 +213,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
     pub fn set_state(&mut self, state: &State<D>) -> Result<()> {
         check_state(state, self.geometry.mesh.points.len(), self.scalars.len())?;
         self.next.copy_from(state);
-        self.state.copy_from(state);
+        self.next.join(&self.geometry.mesh.periodic);
+        self.state.copy_from(&self.next);
         Ok(())
     }
 
@@ -263,6 +274,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         if let Some(points) = points {
             self.solid_flux.resize(self.state.velocity.len(), Vector::zeros());
             solid_flux(points, &self.geometry, &self.state, &mut self.solid_flux);
+            self.geometry.mesh.periodic.mirror(&mut self.solid_flux);
         }
         for iteration in 0..self.newton {
             self.newton_step(iteration, dt, voidage, points, conditions, &mut report)?;
@@ -336,8 +348,10 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         let held = holder.iter().enumerate().filter(|(_, holder)| **holder != NOBODY);
         kept.keep(system, held.map(|(node, _)| node));
         boundary::apply_values(mesh, conditions, k, system);
+        boundary::hold_images(mesh, system);
         next.copy_from_slice(old);
         report.scalar_iterations += solver.solve(&system.matrix, &system.rhs, next)?.iterations;
+        mesh.periodic.mirror(next);
         Ok(())
     }
 
@@ -367,6 +381,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         let held = self.constraints.iter().enumerate().filter(|(_, constraint)| constraint.is_some());
         self.kept.keep(&self.system, held.map(|(node, _)| node));
         boundary::apply_constraints(&self.constraints, &mut self.system);
+        boundary::hold_images(&geometry.mesh, &mut self.system);
         let closed = !conditions.iter().any(|c| matches!(c.flow, FlowCondition::Open { .. }));
         if closed {
             boundary::close(&through, geometry, &mut self.system)?;
@@ -394,6 +409,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 solve,
             )?;
         }
+        self.geometry.mesh.periodic.mirror(self.unknown.as_chunks_mut::<B>().0);
         for (node, block) in self.unknown.chunks_exact(B).enumerate() {
             self.next.velocity[node].copy_from_slice(&block[..D]);
             self.next.pressure[node] = block[D];
@@ -428,10 +444,11 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                     *light -= scalar.expansion * (value[n] - scalar.reference);
                 }
             }
-            let weight = match points {
-                Some(_) => forms::fluid_weight(element.measure, &lightness, immersed.as_ref()),
+            let weigh = |lightness: &[f64; B]| match points {
+                Some(_) => forms::fluid_weight(element.measure, lightness, immersed.as_ref()),
                 None => std::array::from_fn(|a| (0..B).map(|b| mass[a][b] * lightness[b]).sum()),
             };
+            let pushed = if fluid.body_force == Vector::<D>::zeros() { [0.0; B] } else { weigh(&[1.0; B]) };
             let cell = forms::Cell {
                 element,
                 voidage,
@@ -439,7 +456,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 at: node.map(|n| at[n]),
                 wind: over_mesh(at),
                 direction: over_mesh(old).iter().sum::<Vector<D>>() / B as f64,
-                weight,
+                weight: weigh(&lightness),
+                pushed,
                 solid_divergence,
                 exchange: immersed.as_ref(),
                 source: sources.map(|s| (node.map(|n| s.momentum[n]), node.map(|n| s.mass[n]))),

@@ -39,6 +39,8 @@ pub struct Properties<const D: usize> {
     pub viscosity: f64,
     /// Gravity g, m/s2.
     pub gravity: Vector<D>,
+    /// Further acceleration b of the fluid, m/s2: it weighs neither by temperature nor on what is immersed.
+    pub body_force: Vector<D>,
     /// Drag of the front and rear walls of a thin cell, gamma_l in f_l = -gamma_l u, kg/m3/s; 0 without.
     pub thin_cell_drag: f64,
     /// Whether the drag of the grains enters the stabilisation time (off in the paper).
@@ -64,6 +66,8 @@ pub struct Cell<'a, const D: usize, const B: usize> {
     pub direction: Vector<D>,
     /// Weight of the fluid at the nodes over rho g, int eps (1 - beta (T - T_R)) phi_a; see [`fluid_weight`].
     pub weight: [f64; B],
+    /// The same of the body force, int eps phi_a; zero without one.
+    pub pushed: [f64; B],
     /// Divergence of the nodal solid flux phi v of the last accepted state, 1/s.
     pub solid_divergence: f64,
     /// The immersed bodies in the cell.
@@ -230,7 +234,7 @@ fn stress<const D: usize, const B: usize>(
     }
 }
 
-/// <gamma_l u, v> - <eps rho g (1 - beta (T - T_R)), v> - <s, v>.
+/// <gamma_l u, v> - <eps rho (g (1 - beta (T - T_R)) + b), v> - <s, v>.
 fn body_forces<const D: usize, const B: usize>(
     cell: &Cell<'_, D, B>,
     fluid: &Properties<D>,
@@ -240,6 +244,7 @@ fn body_forces<const D: usize, const B: usize>(
     for a in 0..B {
         for i in 0..D {
             out.rhs[a][i] += fluid.density * fluid.gravity[i] * cell.weight[a];
+            out.rhs[a][i] += fluid.density * fluid.body_force[i] * cell.pushed[a];
         }
         if let Some((momentum, mass)) = &cell.source {
             for b in 0..B {
@@ -295,7 +300,7 @@ fn immersed_bodies<const D: usize, const B: usize>(
     }
 }
 
-/// int_e R_u with R_u = eps rho Du/Dt - div sigma - f_p + gamma_l u - eps rho g (1 - beta (T - T_R)) - s.
+/// int_e R_u with R_u = eps rho Du/Dt - div sigma - f_p + gamma_l u - eps rho (g (1 - beta (T - T_R)) + b) - s.
 /// For P1 fields div(eps eta (grad u + grad u^T)) = eta (grad u + grad u^T) grad eps inside the element.
 fn momentum_residual<const D: usize, const B: usize>(
     cell: &Cell<'_, D, B>,
@@ -315,8 +320,8 @@ fn momentum_residual<const D: usize, const B: usize>(
         wind += cell.wind[a] * cell.load[a];
         old += cell.old[a] * cell.load[a];
     }
-    let weight: f64 = cell.weight.iter().sum();
-    let mut rhs = (old / dt + slope * carried + fluid.gravity * weight) * rho;
+    let (weight, pushed): (f64, f64) = (cell.weight.iter().sum(), cell.pushed.iter().sum());
+    let mut rhs = (old / dt + slope * carried + fluid.gravity * weight + fluid.body_force * pushed) * rho;
     if let Some((momentum, _)) = &cell.source {
         rhs += momentum.iter().sum::<Vector<D>>() * (measure / B as f64);
     }

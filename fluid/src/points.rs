@@ -169,7 +169,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
 }
 
 /// Nodal projection (A.15) of the solid flux phi v*, with the law of the equation of mass in a state of the fluid, m/s; added
-/// to `flux`.
+/// to `flux`, of nodes that are one at their master.
 pub(crate) fn solid_flux<const D: usize, const B: usize>(
     points: &Points<D>,
     geometry: &Geometry<D, B>,
@@ -187,7 +187,8 @@ pub(crate) fn solid_flux<const D: usize, const B: usize>(
         let push = velocity * points.drag[q] - slope * points.volume[q];
         let moved = (points.flux_velocity[q] + push * points.flux_mobility[q]) * points.volume[q];
         for (a, &node) in nodes.iter().enumerate() {
-            flux[node] += moved * (phi[a] / geometry.nodal_volume[node]);
+            let master = geometry.mesh.periodic.master(node as u32) as usize;
+            flux[master] += moved * (phi[a] / geometry.nodal_volume[master]);
         }
     }
 }

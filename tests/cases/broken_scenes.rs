@@ -584,3 +584,42 @@ fn wrong_options_are_named() {
     let said = refused(folder.path(), &["plot", "."]);
     assert!(said.contains("folder of a run") || said.contains("series"), "{said}");
 }
+
+/// Periodic sides, and what does not fit them: refused before anything is run.
+#[test]
+fn what_does_not_fit_periodic_sides_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = include_str!("../python/scenes/periodic.toml");
+    fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let cases: &[(&str, &[&str])] = &[
+        ("periodic={}", &["neither `x` nor `y`"]),
+        ("periodic.x=[0.016,0.0]", &["periodic.x = [0.016, 0]", "upside down"]),
+        ("periodic.x=[0.0,0.02]", &["the mesh ends at 0 and 0.016", "give `x = [0.0, 0.016]`"]),
+        ("grains[0].radius=3e-3", &["the period along axis 0", "needs 0.018 m"]),
+        ("walls.floor.to=[0.015,0.0]", &["walls[0]", "neither leads from side to side"]),
+        ("walls.floor.to=[0.016,0.001]", &["walls[0]", "ends at another height"]),
+        ("walls.floor.motion={rotate={centre=[0.0,0.0],rate=1.0}}", &["walls[0]", "turns"]),
+        ("walls.lid.to=[0.0,0.0]", &["walls[1]", "stands on a periodic side"]),
+        (
+            "grains[0].placement={deposit={lower=[0.0,0.0],upper=[0.016,0.008]}}",
+            &["grains[0].placement.deposit", "poured between walls"],
+        ),
+        (
+            "fluid.mesh_motion={amplitude=[0.0,1e-4],frequency=1.0}",
+            &["fluid.mesh_motion", "not available together"],
+        ),
+        (
+            "fluid.mesh.rectangle.sides.right=lid",
+            &["\"lid\" lies there and elsewhere", "names that no other part has"],
+        ),
+        ("fluid.mesh.rectangle.structured.squares=[2,2]", &["three cells at least"]),
+        ("fluid.boundaries[0].name=left", &["fluid.boundaries[0].name = \"left\"", "floor, lid"]),
+        ("fluid.body_force=[1.0]", &["fluid.body_force", "give 2 numbers"]),
+        ("fluid.body_force=[1e9,0.0]", &["fluid.body_force", "out of range"]),
+    ];
+    for (set, says) in cases {
+        let said = refused(folder.path(), &["run", "scene.toml", "--out", "out", "--set", set]);
+        let missing: Vec<_> = says.iter().filter(|part| !said.contains(**part)).collect();
+        assert!(missing.is_empty(), "{set}: {missing:?} is not in\n{said}");
+    }
+}

@@ -48,6 +48,7 @@ SETUP = {
         "density": 1.2,
         "viscosity": 0.1,
         "gravity": [0, -10],
+        "body_force": [3, 0],
         "thin_cell_drag": 0.5,
         "drag_in_stabilisation": True,
     },
@@ -77,8 +78,20 @@ def driver():
         "pressure": np.zeros(9),
         "scalars": [np.full(9, 300.0), np.zeros(9)],
     }
-    driver.start(box(2, 2), fields)
+    driver.start((*box(2, 2), None), fields)
     return driver
+
+
+def test_a_solver_that_does_not_know_periodic_sides_refuses_them(driver):
+    masters = np.array([0, 1, 2, 3, 4, 5, 0, 1, 2])
+    fields = driver.solver.problem.fields
+    start = (*box(2, 2), masters), {"velocity": fields.velocity, "pressure": fields.pressure, "scalars": []}
+    with pytest.raises(ValueError, match="does not know"):
+        driver.start(*start)
+    driver.solver.periodic_sides = True
+    driver.start(*start)
+    assert driver.solver.problem.masters is masters
+    assert driver.solver.problem.body_force.tolist() == [3, 0]
 
 
 def test_a_problem_is_what_the_setup_says(driver):

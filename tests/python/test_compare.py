@@ -35,6 +35,8 @@ def compare(program, scene, out, *options):
         (CASES / "tracer" / "scene.toml", "1,20"),
         (SCENES / "droplet.toml", "1,2,12"),
         (SCENES / "boils-away.toml", "1,20,40"),
+        (SCENES / "periodic.toml", "1,10,20"),
+        (SCENES / "periodic-box.toml", "1,10"),
     ],
     ids=[
         "bubbling bed",
@@ -48,6 +50,8 @@ def compare(program, scene, out, *options):
         "tracer",
         "droplet",
         "droplet that boils away",
+        "periodic sides",
+        "periodic along both axes",
     ],
 )
 def test_solvers_agree_to_round_off(program, tmp_path, scene, at):

@@ -16,6 +16,11 @@ pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     let simulation = build(&scene)?;
     println!("{}: good\n{}", file.display(), scene.title);
     line("steps", format!("{} of {} s to {} s", scene.time.steps(), scene.time.step, scene.time.end));
+    part("periodic", scene.periodic.as_ref(), |periodic| {
+        let axes = [("x", periodic.x), ("y", periodic.y)].into_iter();
+        let axes = axes.filter_map(|(axis, sides)| sides.map(|[a, b]| format!("{axis} from {a} to {b} m")));
+        axes.collect::<Vec<_>>().join(", ")
+    });
     grains(&scene);
     fluid(&scene);
     part("droplet", scene.droplet.as_ref(), |droplet| {
@@ -128,6 +133,7 @@ fn fluid(scene: &Scene) {
     if let MeshSource::File(file) = &fluid.mesh {
         line("  mesh", file.display());
     }
+    part("  body force", fluid.body_force.as_ref(), |force| format!("{:?} m/s2", force.0));
     part("  mesh motion", fluid.mesh_motion.as_ref(), |motion| {
         let what = motion.boundary.as_deref().unwrap_or("inside");
         let remeshed = motion.remesh.map_or(String::new(), |remesh| {

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use voidage_coupling::{Error, Result};
 use voidage_fluid::Mesh;
-use voidage_fluid::mesh::{Boundary, Locator};
+use voidage_fluid::mesh::{Boundary, Locator, Periodic};
 use voidage_scene::recorder::{Frame, read_frame};
 use voidage_verification::models::Vec2;
 use voidage_verification::norms::errors;
@@ -31,7 +31,7 @@ impl Field {
             return Err(Error::run(format!("{}: has no column {column}", path.display())));
         };
         let points = points.iter().map(|point| Vec2::new(point[0], point[1])).collect();
-        let mesh = Mesh { boundaries: vec![outline(&cells)], points, cells };
+        let mesh = Mesh { boundaries: vec![outline(&cells)], points, cells, periodic: Periodic::default() };
         let part = |value: &[f64]| [value[0], if value.len() > 1 { value[1] } else { 0.0 }];
         let values = found.values.chunks_exact(found.components).map(part).collect();
         Ok(Self { locator: Locator::new(&mesh)?, mesh, values })

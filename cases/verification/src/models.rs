@@ -11,7 +11,7 @@ use voidage_dem::{Dem, Material, Particles, Settings, Wall};
 use voidage_fluid::conditions::{Condition, FlowCondition};
 use voidage_fluid::flow::{Numerics, State};
 use voidage_fluid::forms::Properties;
-use voidage_fluid::mesh::{Boundary, Diagonals, Rectangle, Side, Sides, Structured};
+use voidage_fluid::mesh::{Boundary, Diagonals, Periodic, Rectangle, Side, Sides, Structured};
 use voidage_fluid::points::Points;
 use voidage_fluid::transport::Scalar;
 use voidage_fluid::{Flow, Mesh};
@@ -103,6 +103,7 @@ impl FluidSet {
             density,
             viscosity,
             gravity: Vec2::zeros(),
+            body_force: Vec2::zeros(),
             thin_cell_drag: 0.0,
             drag_in_stabilisation: false,
         };
@@ -225,7 +226,7 @@ pub fn cake(sides: usize) -> Mesh<2> {
     let cells = (0..sides).flat_map(|k| [0, 1 + k as u32, next(k) as u32]).collect();
     let facets = (0..sides).flat_map(|k| [1 + k as u32, next(k) as u32]).collect();
     let rim = Boundary { name: "rim".into(), facets, cells: (0..sides as u32).collect() };
-    Mesh { points, cells, boundaries: vec![rim] }
+    Mesh { points, cells, boundaries: vec![rim], periodic: Periodic::default() }
 }
 
 /// A ring round the origin between two radii (m), cut along `rings` circles whose radii grow by one factor and `sectors`
@@ -266,7 +267,7 @@ pub fn annulus(inner: f64, outer: f64, rings: usize, sectors: usize) -> Mesh<2> 
         facets: (0..sectors).flat_map(|k| [node(rings, k), node(rings, k + 1)]).collect(),
         cells: (0..sectors).map(|k| at(rings - 1, k, !even(rings - 1, k))).collect(),
     };
-    Mesh { points, cells, boundaries: vec![inside, outside] }
+    Mesh { points, cells, boundaries: vec![inside, outside], periodic: Periodic::default() }
 }
 
 /// Three points in each cell that fill all but the voidage and do not move, with a drag per volume.

@@ -13,12 +13,13 @@ use voidage_coupling::overlap;
 use voidage_fluid::Vector;
 
 /// A mesh of triangles. `points` (n, 2), m; `cells` (m, 3), node numbers, positively oriented; `boundaries`, nodes of
-/// the facets of each named part, (k, 2).
+/// the facets of each named part, (k, 2); `masters`, the node whose values each has, (n), None without periodic sides.
 #[pyclass(frozen, get_all, module = "voidage")]
 pub struct Mesh {
     points: Py<PyAny>,
     cells: Py<PyAny>,
     boundaries: Py<PyDict>,
+    masters: Py<PyAny>,
 }
 
 impl Mesh {
@@ -28,10 +29,17 @@ impl Mesh {
         for part in &mesh.boundaries {
             boundaries.set_item(&part.name, integers(py, &part.facets, D)?)?;
         }
+        let masters: Vec<u32> =
+            (0..mesh.points.len() as u32).map(|node| mesh.periodic.master(node)).collect();
+        let masters = match mesh.periodic.is_none() {
+            true => py.None(),
+            false => integers(py, &masters, 1)?.unbind(),
+        };
         Ok(Self {
             points: Column::from(mesh.points.as_slice()).into_array(py)?.unbind(),
             cells: integers(py, &mesh.cells, D + 1)?.unbind(),
             boundaries: boundaries.unbind(),
+            masters,
         })
     }
 }

@@ -148,6 +148,8 @@ class Mesh:
     """Node numbers, (m, D + 1), positively oriented."""
     boundaries: Mapping[str, _Integers]
     """Nodes of the facets of each named part, (k, D)."""
+    masters: _Integers | None
+    """The node whose values each has, (n); none without periodic sides."""
 
 @final
 class GrainState:

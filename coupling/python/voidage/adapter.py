@@ -42,11 +42,16 @@ from .solver import (
 LAST_FRAMES = 3
 """Places of a traceback that the user of the run sees; all of them are in the log."""
 
-Arrays = tuple[Floats, data.Integers, Mapping[str, data.Integers]]
-"""Points, cells and boundaries of a mesh."""
+Arrays = tuple[Floats, data.Integers, Mapping[str, data.Integers], data.Integers | None]
+"""Points, cells, boundaries and masters of a mesh."""
 
 
 # ---- from a run to a solver
+
+
+def arrays(mesh) -> Arrays:
+    """Those of a mesh of a run."""
+    return mesh.points, mesh.cells, mesh.boundaries, mesh.masters
 
 
 def conditions(described: Sequence[Mapping[str, Any]]) -> tuple[Condition, ...]:
@@ -125,7 +130,7 @@ def _scalar(described: str | Mapping[str, Any]):
 def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Mapping[str, Any]) -> Problem:
     """A problem from what a run tells once, its mesh and its accepted fields."""
     properties, numerics = setup["properties"], setup["numerics"]
-    points, cells, boundaries = mesh
+    points, cells, boundaries, masters = mesh
     return Problem(
         points=points,
         cells=cells,
@@ -139,6 +144,8 @@ def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Mapping[str, Any]) -
         newton=numerics["newton"],
         tolerance=numerics["flow"]["tolerance"],
         drag_in_stabilisation=properties["drag_in_stabilisation"],
+        body_force=np.array(properties["body_force"], dtype=float),
+        masters=masters,
     )
 
 
@@ -167,8 +174,13 @@ class Driver:
         self.mesh: Arrays | None = None
 
     def start(self, mesh, fields: Mapping[str, Any]) -> None:
-        """Takes a mesh (or a tuple of points, cells and boundaries) and the accepted fields."""
-        self.mesh = mesh if isinstance(mesh, tuple) else (mesh.points, mesh.cells, mesh.boundaries)
+        """Takes a mesh (or a tuple of its arrays) and the accepted fields."""
+        self.mesh = mesh if isinstance(mesh, tuple) else arrays(mesh)
+        if self.mesh[3] is not None and not getattr(self.solver, "periodic_sides", False):
+            raise ValueError(
+                f"the mesh has periodic sides, which the solver {type(self.solver).__name__} does not "
+                "know: it would need to say `periodic_sides = True` and heed Problem.masters"
+            )
         self.solver.set_mesh(problem(self.setup, self.mesh, fields))
 
     def restart(self, fields: Mapping[str, Any]) -> None:
@@ -287,8 +299,7 @@ class Server:
                 self.peer.fail(_last_words(error))
 
     def _mesh(self, frame) -> None:
-        mesh = frame.mesh()
-        self.ranks.call("start", (mesh.points, mesh.cells, mesh.boundaries), frame.fields())
+        self.ranks.call("start", arrays(frame.mesh()), frame.fields())
 
     def _state(self, frame) -> None:
         self.ranks.call("restart", frame.fields())

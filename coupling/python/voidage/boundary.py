@@ -47,9 +47,11 @@ class Boundary(Places):
 
     def __init__(self, problem: Problem, step: Step, wind: Floats):
         self.problem, self.step = problem, step
+        none = np.zeros((0, problem.dimension), dtype=int)
         parts = [problem.boundaries[each.boundary] for each in step.conditions]
-        facets, (shape, weight) = np.concatenate(parts), facet_rule(problem.dimension)
-        nodes, shapes = facets.repeat(len(weight), axis=0), np.tile(shape, (len(facets), 1))
+        facets, (shape, weight) = np.concatenate((none, *parts)), facet_rule(problem.dimension)
+        masters = facets if problem.masters is None else problem.masters[facets]
+        nodes, shapes = masters.repeat(len(weight), axis=0), np.tile(shape, (len(facets), 1))
         super().__init__(nodes, shapes, len(problem.points))
         part = np.repeat(np.arange(len(parts)), [len(each) for each in parts])
         area = area_vectors(problem.points, facets)
@@ -73,7 +75,7 @@ class Boundary(Places):
         self.walls: dict[int, list[tuple[int, Floats]]] = {}
         """Of nodes that slide along walls the number of the part and normal times measure, facet by
         facet."""
-        for number, around, normal in zip(part.tolist(), facets, area, strict=True):
+        for number, around, normal in zip(part.tolist(), masters, area, strict=True):
             if isinstance(step.conditions[number].flow, data.Slip):
                 for node in around[self.last[around] < 0].tolist():
                     self.walls.setdefault(node, []).append((number, normal))

@@ -14,7 +14,7 @@ Terms = tuple[sp.csr_array, Floats]
 class Cells:
     """Geometry of all cells of a mesh; m counts cells, B = D + 1 their nodes."""
 
-    def __init__(self, points: Floats, cells: Integers):
+    def __init__(self, points: Floats, cells: Integers, masters: Integers | None = None):
         dimension = points.shape[1]
         edges = points[cells[:, 1:]] - points[cells[:, :1]]
         inverse = np.linalg.inv(edges).transpose(0, 2, 1)
@@ -28,8 +28,10 @@ class Cells:
         self.size = content ** (1 / dimension)
         """Leg of the right simplex of equal measure, the length h of the stabilisation, (m)."""
         share = np.repeat(self.measure / (dimension + 1), dimension + 1)
-        self.nodal_volume = np.bincount(cells.ravel(), share, len(points))
-        """Integral of the shape function of every node, (n)."""
+        self.masters = cells if masters is None else masters[cells]
+        """Those of which the nodes have the values, (m, B)."""
+        self.nodal_volume = np.bincount(self.masters.ravel(), share, len(points))
+        """Integral of the shape function of every node, (n); zero at images of others."""
 
     def mean(self, nodal: Floats) -> Floats:
         """Value at the centroid of every cell."""

@@ -17,6 +17,7 @@ from petsc4py import PETSc  # noqa: E402
 
 from . import compat  # noqa: E402
 from .finite_elements import NEARLY_SINGULAR, Beside  # noqa: E402
+from .sides import Sides  # noqa: E402
 from .solver import Floats, Integers, Problem, Report  # noqa: E402
 
 ATTEMPTS = 3
@@ -94,8 +95,11 @@ class Linear:
         monotone: bool = False,
     ):
         self.layout, self.iterative, self.monotone = layout, iterative, monotone
+        self.sides = Sides(layout.problem)
         self.matrix_form, self.rhs_form = fem.form(matrix), fem.form(rhs)
-        self.matrix = petsc.create_matrix(self.matrix_form)
+        self.of_forms = petsc.create_matrix(self.matrix_form)
+        self.matrix = self.of_forms
+        """The same with what is beside the forms, of masters alone where the mesh has periodic sides."""
         self.rhs = petsc.assemble_vector(self.rhs_form)  # the vector; its values come later
         self.components = c = self.rhs.block_size
         self.owned = (c * layout.owned_node[:, None] + np.arange(c)).ravel()
@@ -151,7 +155,7 @@ class Linear:
         return x
 
     def _assemble(self, beside: Beside) -> None:
-        A, b = self.matrix, self.rhs
+        A, b = self.of_forms, self.rhs
         A.zeroEntries()
         petsc.assemble_matrix(A, self.matrix_form)
         A.assemble()
@@ -159,10 +163,26 @@ class Linear:
             local.set(0)
         petsc.assemble_vector(b, self.rhs_form)
         b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        self.matrix = self._join(A, b) if self.sides else A
         self._add(beside.matrix)
-        A.assemble()
+        self.matrix.assemble()
         if self.monotone:
             self._upwind()
+
+    def _join(self, A: PETSc.Mat, b: PETSc.Vec) -> PETSc.Mat:
+        """P^T A P with a unit diagonal at the images of nodes; ``b`` becomes P^T b."""
+        P = sp.csr_array(self.sides.prolongation(self.components))[self.owned]
+        node, component = np.divmod(P.indices, self.components)
+        columns = (self.components * self.layout.number[node] + component).astype(PETSc.IntType)
+        csr = P.indptr.astype(PETSc.IntType), columns, P.data
+        prolongation = PETSc.Mat().createAIJ(A.getSizes(), csr=csr, comm=A.comm)
+        joined, gathered = A.ptap(prolongation), b.duplicate()
+        prolongation.multTranspose(b, gathered)
+        b.array[:] = gathered.array
+        image = np.isin(self.layout.owned_node, self.sides.images)
+        alone = self._block_diagonal(image[:, None, None] * np.eye(self.components))
+        joined.axpy(1.0, alone, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        return joined
 
     def _add(self, matrix: sp.csr_array) -> None:
         """Adds terms beside the forms in the rows that this rank owns."""

@@ -12,6 +12,7 @@ from .body import Bodies
 from .boundary import Boundary
 from .cells import Cells, stabilisation_time
 from .points import PointSums, complete
+from .sides import Sides
 from .solver import Fields, Floats, Problem, Report, Solution, Solver, Step
 
 NEARLY_SINGULAR = 1e-6
@@ -53,13 +54,17 @@ class FiniteElements(Solver):
     """One step: the scalars with u_n, then momentum and mass by Newton steps, first about u_n. The
     steps that the equations get lack nothing (:func:`voidage.points.complete`)."""
 
+    periodic_sides = True
+
     def set_mesh(self, problem: Problem) -> None:
         self.state = self.next = problem.fields
+        self.sides = Sides(problem)
         self._place(problem)
 
     def _place(self, problem: Problem) -> None:
         """Takes a problem, or the same with the nodes of the mesh elsewhere."""
-        self.problem, self.cells = problem, Cells(problem.points, problem.cells)
+        self.problem = problem
+        self.cells = Cells(problem.points, problem.cells, problem.masters)
 
     def accept(self) -> None:
         self.state = self.next
@@ -77,7 +82,7 @@ class FiniteElements(Solver):
             xi_U = self._scalar_stabilisation(k, step, wind)
             beside = self._beside_scalar(k, step, boundary, points, xi_U)
             s, residual = self._scalar(k, step, wind, xi_U, beside, report)
-            scalars.append(s[0, :, 0])
+            scalars.append(self.sides.mirror(s[0, :, 0]))
             left.append(residual[0, :, 0])
         report.scalars_s = perf_counter() - start
         data = self._flow_data(step, wind, share, points, scalars)
@@ -85,6 +90,7 @@ class FiniteElements(Solver):
         beside = self._beside_flow(step, boundary, points, bodies, data)
         for _ in range(problem.newton):
             x, residual = bodies.release(*self._flow(step, data, velocity, beside, report))
+            x = self.sides.mirror(x)
             velocity, pressure = x[:, :-1].copy(), x[:, -1].copy()
         if boundary.closed:
             cells = self.cells
@@ -92,7 +98,7 @@ class FiniteElements(Solver):
             pressure -= level
             # What the walls feel belongs to this level: -<p - level, div v>.
             felt = level * cells.measure[:, None, None] * cells.gradient
-            np.add.at(residual[:, :-1], cells.nodes, felt)
+            np.add.at(residual[:, :-1], cells.masters, felt)
         report.flow_s = perf_counter() - start - report.scalars_s
         self.next, answers = Fields(velocity, pressure, tuple(scalars)), bodies.settle()
         balances = boundary.balances(self.next, residual[:, :-1], left)
@@ -135,6 +141,7 @@ class FiniteElements(Solver):
             matrix += sp.diags(volume * (rate + wall))
             rhs += volume * (rate * self.state.scalars[k] + wall * scalar.wall_value)
         free, value = boundary.hold_scalar(k)
+        free[self.sides.images] = 0
         return Beside(matrix, rhs[None], free, value[None])
 
     def _beside_flow(
@@ -148,6 +155,7 @@ class FiniteElements(Solver):
         matrix, rhs = boundary.flow_terms()
         more, load = points.flow(data.xi, data.xi_U, self.problem.density, data.weight)
         (free, value), (loads, values) = boundary.hold_flow(), bodies.responses()
+        free[self.sides.images] = 0
         rhs = np.stack((rhs + load, *loads))
         if boundary.closed:
             boundary.check_net_flux()
@@ -162,7 +170,8 @@ class FiniteElements(Solver):
         problem, cells, lightness = self.problem, self.cells, np.ones(len(wind))
         for scalar, values in zip(problem.scalars, scalars, strict=True):
             lightness -= scalar.expansion * (values - scalar.reference)
-        weight = problem.density * lightness[:, None] * problem.gravity
+        body_force = 0.0 if problem.body_force is None else problem.body_force
+        weight = problem.density * (lightness[:, None] * problem.gravity + body_force)
         U, nu, reaction = cells.mean(wind), problem.viscosity / problem.density, 0.0
         if problem.drag_in_stabilisation:
             drag = np.bincount(step.points.cell, step.points.drag, len(cells.nodes))
@@ -170,4 +179,4 @@ class FiniteElements(Solver):
         xi = stabilisation_time(cells, U, step.dt, nu, reaction)
         reach = cells.size * np.linalg.norm(U, axis=1)
         xi_c = reach * np.minimum(reach / (6 * nu), 0.5)
-        return FlowData(xi, xi[:, None] * U, xi_c, weight, share, points.solid_flux(self.state))
+        return FlowData(xi, xi[:, None] * U, xi_c, weight, share, self.sides.mirror(points.solid_flux(self.state)))

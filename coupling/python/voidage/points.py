@@ -37,7 +37,7 @@ class PointSums(Places):
     by cell, (m) and (m, D)."""
 
     def __init__(self, mesh: Cells, points: Points):
-        super().__init__(mesh.nodes[points.cell], points.shape, len(mesh.nodal_volume))
+        super().__init__(mesh.masters[points.cell], points.shape, len(mesh.nodal_volume))
         self.points, self.nodal_volume = points, mesh.nodal_volume
         self.gradient = mesh.gradient[points.cell]
         """Gradients of the shape functions at each point, (q, B, D)."""
@@ -90,4 +90,5 @@ class PointSums(Places):
         forcing = p.drag[:, None] * self.at(fields.velocity) - p.volume[:, None] * slope
         v = p.flux_velocity + p.flux_mobility[:, None] * forcing
         flux = self.rows(self.shape).T @ (p.volume[:, None] * v)
-        return flux / self.nodal_volume[:, None]
+        # Zero at images, which have no volume of their own.
+        return flux / np.where(self.nodal_volume > 0, self.nodal_volume, 1)[:, None]

@@ -67,7 +67,8 @@ class ScikitFem(FiniteElements):
             along = dot(xi_U, grad(S))
             return known * (along if lumped else S + along) + source * (S + along)
 
-        A, b = matrix.assemble(self.scalar) + beside.matrix, rhs.assemble(self.scalar)
+        A, b = self.sides.join(matrix.assemble(self.scalar), rhs.assemble(self.scalar))
+        A = A + beside.matrix
         return self._solve(_upwind(A) if scalar.form == "monotone" else A, b, beside, report)
 
     def _flow(
@@ -105,8 +106,8 @@ class ScikitFem(FiniteElements):
                 + rho * xi_c * (source_p - div(solid_flux)) * div(v)
             )
 
-        A, b = matrix.assemble(self.mixed) + beside.matrix, rhs.assemble(self.mixed)
-        return self._solve(A, b, beside, report)
+        A, b = self.sides.join(matrix.assemble(self.mixed), rhs.assemble(self.mixed))
+        return self._solve(A + beside.matrix, b, beside, report)
 
     def _solve(
         self, A: sp.csr_array, load: Floats, beside: Beside, report: Report

@@ -213,6 +213,11 @@ class Problem:
     """Relative residual of the linear systems, for solvers that iterate."""
     drag_in_stabilisation: bool = False
     """Whether the drag of the points enters the stabilisation time."""
+    body_force: Floats | None = None
+    """Further acceleration of the fluid, m/s2; it weighs neither by temperature nor on the points."""
+    masters: Integers | None = None
+    """The node whose values every node has, (n), where the mesh has periodic sides. A solver that does
+    not know them must refuse the problem."""
 
     @property
     def dimension(self) -> int:
@@ -348,6 +353,9 @@ class Solution:
 class Solver(ABC):
     """A fluid solver. ``solve`` always starts from the last accepted state: a scheme may call it
     many times."""
+
+    periodic_sides = False
+    """Whether it heeds :attr:`Problem.masters`; if not, a mesh with periodic sides is an error."""
 
     @abstractmethod
     def set_mesh(self, problem: Problem) -> None:

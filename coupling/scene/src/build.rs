@@ -344,6 +344,7 @@ pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2>
         conduction: contacts.conduction,
         cohesion: contacts.cohesion,
         pairs: pairs(scene, contacts),
+        period: scene.period(),
         ..Settings::default()
     }
 }
@@ -462,6 +463,10 @@ fn mesh(scene: &Scene, described: &scene::Fluid) -> Result<Mesh<2>> {
     let mesh = made.map_err(|error| {
         scene.error(path, format!("`{path}`: {error}"), "give a mesh of triangles with named boundaries")
     })?;
+    let mesh = match &scene.periodic {
+        None => mesh,
+        Some(periodic) => periodic.join(scene, mesh)?,
+    };
     let names: Vec<&str> = mesh.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
     scene.check_boundary_names(&names)?;
     Ok(mesh)
@@ -472,6 +477,7 @@ fn properties(scene: &Scene, fluid: &scene::Fluid) -> Properties<2> {
         density: fluid.density,
         viscosity: fluid.viscosity,
         gravity: scene.gravity.vector(),
+        body_force: fluid.body_force.as_ref().map_or_else(Vector::zeros, |b| b.vector()),
         thin_cell_drag: fluid.thin_cell.as_ref().map_or(0.0, |cell| cell.drag),
         drag_in_stabilisation: fluid.solver.drag_in_stabilisation,
     }

@@ -59,6 +59,7 @@ const AT_RESTART: &[&str] = &[
     "sinks.*.upper",
     "sinks.*.start",
     "sinks.*.end",
+    "fluid.body_force",
     "fluid.density",
     "fluid.viscosity",
     "fluid.solver",

@@ -154,7 +154,7 @@ pub fn view_differences<const D: usize>(density: f64, a: &View<'_, D>, b: &View<
         found.extend(nodal(density, a.scalars, a.fields, b.fields));
     }
     if let (Some(a), Some(b)) = (&a.grains, &b.grains) {
-        let place = |i: usize| (a.radius[i], (a.position[i] - b.position[i]).norm());
+        let place = |i: usize| (a.radius[i], a.period.nearest(a.position[i] - b.position[i]).norm());
         found.push(difference("grain position", a.position.len(), place, 0.0));
         found.push(vectors("grain velocity", a.velocity, b.velocity, 0.0));
         if let Some((a, b)) = a.temperature.zip(b.temperature) {

@@ -24,6 +24,10 @@ pub struct Fluid {
     /// Velocity at the start, m/s. Default: at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_velocity: Option<Coordinates>,
+    /// Acceleration of the fluid beside `gravity`, m/s2: what drives a flow between periodic sides. It acts on the fluid alone;
+    /// grains feel it by drag, and by the gradient of the pressure that balances it. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_force: Option<Coordinates>,
     /// Time over which prescribed velocities grow linearly from 0, s. Default 0: they are there from the start.
     #[serde(default)]
     pub ramp: f64,

@@ -19,6 +19,7 @@ mod grains;
 pub mod network;
 mod origin;
 mod output;
+mod periodic;
 pub mod placing;
 mod read;
 pub mod recorder;
@@ -42,6 +43,7 @@ pub use grains::{
 };
 pub use origin::Origin;
 pub use output::{Average, Output, PressureDrop};
+pub use periodic::Periodic;
 pub use schema::json_schema;
 pub use simulation::Simulation;
 pub use stop::{AtRest, Reached, Stop, Watch};
@@ -65,6 +67,9 @@ pub struct Scene {
     pub gravity: Coordinates,
     /// Step and end of the run.
     pub time: Time,
+    /// Sides that are one: what leaves at one of them comes in at the other. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub periodic: Option<Periodic>,
     /// What ends the run before `time.end`. Default: nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stop: Option<Stop>,

@@ -90,7 +90,10 @@ impl Network {
         for (contact, heat) in grains.carriers() {
             let centre = grains.particles.position[contact.grain as usize];
             let end = match contact.partner {
-                Partner::Grain(other) => grains.particles.position[other as usize],
+                // The image that the grain touches.
+                Partner::Grain(other) => {
+                    grains.settings().period.image(grains.particles.position[other as usize], &centre)
+                }
                 Partner::Wall(_) => centre + contact.normal * grains.particles.radius[contact.grain as usize],
             };
             let normal = contact.force.dot(&contact.normal);

@@ -148,7 +148,9 @@ impl<'a> Placing<'a> {
             Placement::Lattice(l) => {
                 packing::lattice(&region(&l.lower, &l.upper), kind(l), l.spacing, &fill(l.seed))
             }
-            Placement::Random(r) => packing::random(&region(&r.lower, &r.upper), &fill(r.seed), observer),
+            Placement::Random(r) => {
+                packing::random_within(&region(&r.lower, &r.upper), &fill(r.seed), &scene.period(), observer)
+            }
             Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
             Placement::State(state) => return handed_over(scene, k, state, materials),
         };

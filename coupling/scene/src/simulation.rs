@@ -409,6 +409,7 @@ impl Simulation {
                 volume: &particles.volume,
                 spin: particles.rotation.as_ref().map(|rotation| rotation.spin.as_slice()),
                 temperature: particles.heat.as_ref().map(|heat| heat.temperature.as_slice()),
+                period: grains.settings().period,
             }
         });
         let fluid = self.coupled.fluid().map(|fluid| FluidView {

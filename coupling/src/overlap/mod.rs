@@ -285,13 +285,19 @@ impl Scratch {
     }
 }
 
-/// The corners of a triangle relative to a centre.
+/// The corners of a triangle relative to a centre; where the mesh is periodic those of the image that is nearest to it.
 fn corners<const D: usize>(mesh: &Mesh<D>, cell: usize, centre: &Vector<D>) -> [Point; 3] {
     let nodes = mesh.cell(cell);
-    [0, 1, 2].map(|k| {
+    let corners = [0, 1, 2].map(|k| {
         let p = &mesh.points[nodes[k] as usize];
         [p[0] - centre[0], p[1] - centre[1]]
-    })
+    });
+    if mesh.periodic.is_none() {
+        return corners;
+    }
+    let away = Vector::from_fn(|axis, _| (0..3).map(|k| corners[k][axis]).sum::<f64>() / 3.0);
+    let shift = mesh.periodic.shift(&away);
+    corners.map(|p| [p[0] - shift[0], p[1] - shift[1]])
 }
 
 /// Barycentric coordinates 1 and 2 of a point of a triangle. Centroids of parts that are hardly more than round-off may

@@ -4,7 +4,7 @@ use super::*;
 use approx::{assert_abs_diff_eq, assert_relative_eq};
 use proptest::prelude::*;
 use std::f64::consts::PI;
-use voidage_fluid::mesh::{Hole, Rectangle, Sides};
+use voidage_fluid::mesh::{Hole, Periodic, Rectangle, Sides};
 
 fn square(size: f64) -> Mesh<2> {
     Mesh::rectangle(&Rectangle {
@@ -321,7 +321,15 @@ fn walls_holes_and_outside() {
     outside((f64::NAN, 0.5, 0.1));
     outside((0.5, 0.5, f64::NAN));
     outside((0.5, 0.5, -1.0));
-    assert!(Overlap::<3>::new(&Mesh { points: vec![], cells: vec![], boundaries: vec![] }).is_err());
+    assert!(
+        Overlap::<3>::new(&Mesh {
+            points: vec![],
+            cells: vec![],
+            boundaries: vec![],
+            periodic: Periodic::default()
+        })
+        .is_err()
+    );
 
     let hole = Hole { name: "hole".into(), centre: [0.5, 0.5], radius: 0.2, size: 0.03, growth: 0.3 };
     let domain = Rectangle {

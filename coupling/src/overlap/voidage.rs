@@ -11,7 +11,7 @@ pub const LEAST_VOIDAGE: f64 = 1e-8;
 ///
 /// `volume` is the solid volume of each body and `nodal_volume` the integral of each shape function
 /// ([`Mesh::nodal_volume`]), both in m2 (2D, per metre of depth) or m3. Returns the solid volume that the
-/// nodes got, before clipping.
+/// nodes got, before clipping. Nodes that are one over periodic sides get what all of them are given.
 pub fn voidage<const D: usize>(
     mesh: &Mesh<D>,
     pieces: &Pieces<D>,
@@ -24,6 +24,7 @@ pub fn voidage<const D: usize>(
     for (eps, nodal) in out.iter_mut().zip(nodal_volume) {
         *eps = (1.0 - *eps / nodal).max(LEAST_VOIDAGE);
     }
+    mesh.periodic.mirror(out);
     total
 }
 
@@ -38,9 +39,10 @@ pub fn density<const D: usize>(
 ) {
     spread(mesh, pieces, amount, out);
     out.iter_mut().zip(nodal_volume).for_each(|(value, nodal)| *value /= nodal);
+    mesh.periodic.mirror(out);
 }
 
-/// Gives each node its part of what bodies have, piece by piece.
+/// Gives each node its part of what bodies have, piece by piece; of nodes that are one the master has it all.
 pub fn spread<const D: usize>(mesh: &Mesh<D>, pieces: &Pieces<D>, amount: &[f64], out: &mut Vec<f64>) {
     out.clear();
     out.resize(mesh.points.len(), 0.0);
@@ -55,4 +57,5 @@ pub fn spread<const D: usize>(mesh: &Mesh<D>, pieces: &Pieces<D>, amount: &[f64]
             }
         }
     }
+    mesh.periodic.gather(out);
 }

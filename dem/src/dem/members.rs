@@ -30,6 +30,7 @@ impl<const D: usize> Dem<D> {
     /// Values that no grain may have; heat or spin that only the one or the other have.
     pub fn add(&mut self, more: Particles<D>) -> Result<()> {
         more.validate(&self.materials)?;
+        self.settings.period.check(super::largest(&more), &self.walls)?;
         let alike = |a: bool, b: bool| a == b || self.particles.is_empty();
         let heat = alike(more.heat.is_some(), self.particles.heat.is_some());
         if !heat || !alike(more.rotation.is_some(), self.particles.rotation.is_some()) {
@@ -46,6 +47,7 @@ impl<const D: usize> Dem<D> {
         self.mean_velocity.resize(if self.mean_velocity.is_empty() { 0 } else { n }, Vector::zeros());
         self.mean_temperature.resize(if self.mean_temperature.is_empty() { 0 } else { n }, 0.0);
         self.renumber();
+        self.wrap();
         Ok(())
     }
 
@@ -75,6 +77,7 @@ impl<const D: usize> Dem<D> {
             rotation: self.particles.rotation.as_ref().map(|_| Rotation::default()),
             ..Particles::default()
         };
+        settings.period.check(super::largest(&self.particles), &walls)?;
         let changed = Self::new(alike, walls, materials, settings)?;
         (self.walls, self.materials) = (changed.walls, changed.materials);
         (self.settings, self.laws) = (changed.settings, changed.laws);

@@ -17,7 +17,7 @@ mod tests;
 pub use deposit::{Deposit, Settled, deposit, loose};
 pub use fraction::solid_fraction;
 pub use pour::{Method, pour};
-pub use random::random;
+pub use random::{random, random_within};
 pub use regular::{Lattice, lattice};
 pub use room::{check_deposit, check_lattice, check_random};
 pub use sizes::{By, SizeLaw};

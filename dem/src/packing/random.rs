@@ -3,7 +3,7 @@
 use super::source::Source;
 use super::{Amount, Fill, Observer, Progress, Region, check_random, tell};
 use crate::error::{Error, Result};
-use crate::{Particles, Vector};
+use crate::{Particles, Period, Vector};
 use rand::Rng;
 
 /// Tries at a place for each grain before the region counts as full.
@@ -21,19 +21,38 @@ pub fn random<const D: usize>(
     fill: &Fill<'_>,
     observer: &mut Observer<'_>,
 ) -> Result<Particles<D>> {
+    random_within(region, fill, &Period::default(), observer)
+}
+
+/// The same in a periodic domain: where the region leads from side to side, grains lie across the sides too.
+///
+/// # Errors
+/// Those of [`random`].
+pub fn random_within<const D: usize>(
+    region: &Region<D>,
+    fill: &Fill<'_>,
+    period: &Period<D>,
+    observer: &mut Observer<'_>,
+) -> Result<Particles<D>> {
     check_random(region, fill)?;
+    let endless = std::array::from_fn(|axis| {
+        let size = region.high[axis] - region.low[axis];
+        period.length(axis).is_some_and(|length| (size - length).abs() <= 1e-9 * length)
+    });
     let mut source = Source::<D>::new(fill)?;
     let of = source.expected(region)?;
-    let mut occupied = Occupied::new(region, 2.0 * fill.radii.bounds()?.1);
+    let mut occupied = Occupied::new(region, 2.0 * fill.radii.bounds()?.1, endless);
     let (mut position, mut radius): (Vec<Vector<D>>, Vec<f64>) = (vec![], vec![]);
     while let Some(r) = source.next() {
         if position.len().is_multiple_of(REPORT) {
             tell(observer, Progress::Placing { done: position.len(), of })?;
         }
-        let room = (region.high - region.low).add_scalar(-2.0 * r);
+        let size = region.high - region.low;
+        let gap = Vector::<D>::from_fn(|axis, _| if endless[axis] { 0.0 } else { r });
+        let room = size - gap * 2.0;
         let mut place = || {
             let share = Vector::<D>::from_fn(|_, _| source.rng.random::<f64>());
-            let x = region.low.add_scalar(r) + room.component_mul(&share);
+            let x = region.low + gap + room.component_mul(&share);
             occupied.is_free(&x, r, &position, &radius).then_some(x)
         };
         match if room.min() >= 0.0 { (0..TRIES).find_map(|_| place()) } else { None } {
@@ -60,15 +79,19 @@ struct Occupied<const D: usize> {
     width: f64,
     dims: [usize; D],
     cells: Vec<Vec<u32>>,
+    /// Length of the region along axes where its sides are one; 0 along the others.
+    period: Vector<D>,
 }
 
 impl<const D: usize> Occupied<D> {
-    fn new(region: &Region<D>, width: f64) -> Self {
+    fn new(region: &Region<D>, width: f64, endless: [bool; D]) -> Self {
         // Few large cells would be slow, many small ones large: at most some ten million.
         let width = width.max((region.volume() * 1e-7).powf(1.0 / D as f64));
         let dims: [usize; D] =
             std::array::from_fn(|a| ((region.high[a] - region.low[a]) / width).ceil().max(1.0) as usize);
-        Self { low: region.low, width, dims, cells: vec![vec![]; dims.iter().product()] }
+        let size = |axis: usize| region.high[axis] - region.low[axis];
+        let period = Vector::from_fn(|axis, _| if endless[axis] { size(axis) } else { 0.0 });
+        Self { low: region.low, width, dims, cells: vec![vec![]; dims.iter().product()], period }
     }
 
     fn cell(&self, x: &Vector<D>) -> [usize; D] {
@@ -85,6 +108,16 @@ impl<const D: usize> Occupied<D> {
     }
 
     fn is_free(&self, x: &Vector<D>, r: f64, position: &[Vector<D>], radius: &[f64]) -> bool {
+        if self.period == Vector::<D>::zeros() {
+            return self.is_image_free(x, r, position, radius);
+        }
+        let images = crate::space::stencil::<D>(false).into_iter();
+        images
+            .map(|shift| Vector::<D>::from_fn(|axis, _| shift[axis] as f64 * self.period[axis]))
+            .all(|shift| self.is_image_free(&(x + shift), r, position, radius))
+    }
+
+    fn is_image_free(&self, x: &Vector<D>, r: f64, position: &[Vector<D>], radius: &[f64]) -> bool {
         let q = self.cell(x);
         crate::space::stencil::<D>(false).iter().all(|offset| {
             let p: [i64; D] = std::array::from_fn(|a| q[a] as i64 + offset[a]);

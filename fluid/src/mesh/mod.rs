@@ -5,6 +5,7 @@ mod generate;
 mod gmsh;
 mod locate;
 mod outline;
+mod periodic;
 mod quality;
 mod refine;
 mod remesh;
@@ -15,6 +16,7 @@ mod topology;
 
 pub use domain::{Diagonals, Hole, Part, Place, Rectangle, Refinement, Side, Sides, Structured};
 pub use locate::Locator;
+pub use periodic::Periodic;
 pub use quality::Quality;
 pub use remesh::Remeshed;
 pub use topology::Neighbours;
@@ -31,6 +33,8 @@ pub struct Mesh<const D: usize> {
     pub cells: Vec<u32>,
     /// The named parts of the boundary; every boundary facet is in exactly one.
     pub boundaries: Vec<Boundary>,
+    /// Sides that are one; they are no boundary.
+    pub periodic: Periodic<D>,
 }
 
 /// A named part of the boundary.
@@ -128,7 +132,8 @@ impl<const D: usize> Mesh<D> {
         (0..self.cell_count()).map(|cell| self.measure(cell)).sum()
     }
 
-    /// For each node the integral of its shape function: a share 1/(D + 1) of every cell around it. m2 or m3.
+    /// For each node the integral of its shape function: a share 1/(D + 1) of every cell around it. m2 or m3. That of nodes
+    /// that are one is at their master, with zero at the images.
     pub fn nodal_volume(&self) -> Vec<f64> {
         let mut out = vec![0.0; self.points.len()];
         for cell in 0..self.cell_count() {
@@ -137,6 +142,7 @@ impl<const D: usize> Mesh<D> {
                 out[node as usize] += share;
             }
         }
+        self.periodic.gather(&mut out);
         out
     }
 

@@ -1,6 +1,6 @@
 //! Which cells touch which: neighbours across facets, the boundary, and the check that a mesh is one.
 
-use super::{Boundary, Mesh};
+use super::{Boundary, Mesh, Periodic};
 use crate::{Error, Result, Vector};
 
 /// The cell across each facet: `D + 1` per cell, the `k`-th lies opposite node `k`.
@@ -41,11 +41,13 @@ fn key(mut facet: [u32; 3]) -> [u32; 3] {
 }
 
 impl<const D: usize> Mesh<D> {
-    /// The cell across each facet. An error if a facet belongs to more than two cells.
+    /// The cell across each facet, also across periodic sides. An error if a facet belongs to more than two cells.
     pub fn neighbours(&self) -> Result<Neighbours<D>> {
         let mut sides: Vec<([u32; 3], u32)> = Vec::with_capacity(self.cells.len());
         for (cell, nodes) in self.cells.chunks_exact(D + 1).enumerate() {
-            sides.extend((0..=D).map(|k| (key(facet::<D>(nodes, k)), (cell * (D + 1) + k) as u32)));
+            let one = |node: u32| if node == u32::MAX { node } else { self.periodic.master(node) };
+            let facet = |k: usize| key(facet::<D>(nodes, k).map(one));
+            sides.extend((0..=D).map(|k| (facet(k), (cell * (D + 1) + k) as u32)));
         }
         sides.sort_unstable();
         let mut across = vec![Neighbours::<D>::NONE; self.cells.len()];
@@ -74,7 +76,7 @@ impl<const D: usize> Mesh<D> {
         names: &[String],
         mut part_of: impl FnMut(&[u32]) -> Result<usize>,
     ) -> Result<Self> {
-        let mut mesh = Self { points, cells, boundaries: Vec::new() };
+        let mut mesh = Self { points, cells, boundaries: Vec::new(), periodic: Periodic::default() };
         mesh.check_cells()?;
         for cell in 0..mesh.cell_count() {
             if mesh.measure(cell) < 0.0 {
@@ -124,8 +126,12 @@ impl<const D: usize> Mesh<D> {
         let across = self.neighbours()?.across;
         for (i, &other) in across.iter().enumerate().filter(|(_, other)| **other != Neighbours::<D>::NONE) {
             let (cell, other) = (i / (D + 1), other as usize);
-            let nodes = facet::<D>(self.cell(cell), i % (D + 1));
-            if (0..=D).any(|k| same_turn::<D>(&nodes[..D], &facet::<D>(self.cell(other), k)[..D])) {
+            let of = |cell: usize, k: usize| {
+                let nodes = facet::<D>(self.cell(cell), k);
+                std::array::from_fn::<u32, D, _>(|i| self.periodic.master(nodes[i]))
+            };
+            let nodes = of(cell, i % (D + 1));
+            if (0..=D).any(|k| same_turn::<D>(&nodes, &of(other, k))) {
                 let place = self.points[nodes[0] as usize];
                 return Err(Error::Mesh(format!(
                     "the mesh is folded: its cells {cell} and {other} lie on the same side of the facet that they share, at {:?}",

@@ -3,6 +3,7 @@
 use plotters::style::RGBColor;
 use std::f64::consts::TAU;
 use voidage_coupling::Result;
+use voidage_dem::Period;
 use voidage_fluid::Mesh;
 use voidage_fluid::mesh::{Rectangle, Side};
 use voidage_scene::recorder::Frame;
@@ -92,8 +93,13 @@ fn of_mesh(mesh: &Mesh<2>) -> Vec<(String, Line)> {
 }
 
 /// The sides of triangles of a frame that have no neighbour, each with the number of the part that it lies nearest to; but for
-/// those of a ring, the surface of a droplet.
-pub fn sides(parts: &[Part], frame: &Frame, ring: Option<&[[f64; 2]]>) -> Vec<(usize, Line)> {
+/// those of a ring, the surface of a droplet, and those on periodic sides.
+pub fn sides(
+    parts: &[Part],
+    frame: &Frame,
+    ring: Option<&[[f64; 2]]>,
+    period: &Period<2>,
+) -> Vec<(usize, Line)> {
     let sides = frame.cells.as_chunks::<3>().0.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]);
     let mut all: Vec<(u32, u32)> = sides.collect();
     all.sort_unstable();
@@ -101,6 +107,14 @@ pub fn sides(parts: &[Part], frame: &Frame, ring: Option<&[[f64; 2]]>) -> Vec<(u
     let at = |node: u32| [frame.points[node as usize][0], frame.points[node as usize][1]];
     let lines = alone.map(|(a, b)| [at(*a), at(*b)]);
     let of_ring = |line: &Line| ring.is_some_and(|ring| line.iter().all(|end| ring.contains(end)));
+    let joined = |line: &Line| {
+        let on = |axis: usize, side: f64, length: f64| {
+            line.iter().all(|end| (end[axis] - side).abs() <= 1e-9 * length)
+        };
+        period.sides().iter().enumerate().any(|(axis, sides)| {
+            sides.is_some_and(|[low, high]| on(axis, low, high - low) || on(axis, high, high - low))
+        })
+    };
     let near = |line: Line| {
         let middle = [0, 1].map(|axis| 0.5 * (line[0][axis] + line[1][axis]));
         let distance =
@@ -108,7 +122,7 @@ pub fn sides(parts: &[Part], frame: &Frame, ring: Option<&[[f64; 2]]>) -> Vec<(u
         let nearest = (0..parts.len()).min_by(|a, b| distance(&parts[*a]).total_cmp(&distance(&parts[*b])));
         nearest.map(|part| (part, line))
     };
-    lines.filter(|line| !of_ring(line)).filter_map(near).collect()
+    lines.filter(|line| !of_ring(line) && !joined(line)).filter_map(near).collect()
 }
 
 /// From a line to a point.

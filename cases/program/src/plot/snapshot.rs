@@ -122,7 +122,8 @@ impl Picture {
                 let ends = grains.points.iter().zip(radius);
                 points.extend(ends.flat_map(|([x, y, z], r)| [[x - r, y - r, *z], [x + r, y + r, *z]]));
             }
-            let ends = scene.walls.iter().flat_map(|wall| wall_at(scene, wall).at(self.time));
+            let period = scene.period();
+            let ends = scene.walls.iter().flat_map(|wall| period.place(wall_at(scene, wall).at(self.time)));
             points.extend(ends.map(|end| [end.x, end.y, 0.0]));
             margin = 0.03;
         }
@@ -318,7 +319,8 @@ pub fn chains(path: &Path, scene: &Scene, moment: &Moment) -> Result<bool> {
 /// The walls that are there at a time.
 fn standing(scene: &Scene, time: f64) -> Vec<[[f64; 2]; 2]> {
     let walls = scene.walls.iter().map(|wall| wall_at(scene, wall)).filter(|wall| wall.stands(time));
-    walls.map(|wall| wall.at(time).map(<[f64; 2]>::from)).collect()
+    let period = scene.period();
+    walls.map(|wall| period.place(wall.at(time)).map(<[f64; 2]>::from)).collect()
 }
 
 /// Draws a moment into the pane of a plane.
@@ -348,7 +350,7 @@ pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -
         }
     }
     if let Some(fluid) = &picture.fluid {
-        let sides = boundary::sides(&view.parts, fluid, picture.droplet.as_deref());
+        let sides = boundary::sides(&view.parts, fluid, picture.droplet.as_deref(), &scene.period());
         for (k, part) in view.parts.iter().enumerate() {
             let own = sides.iter().filter(|(number, _)| *number == k).map(|(_, line)| *line);
             plane.strokes(own.collect(), part.colour, 6)?;

@@ -6,7 +6,7 @@ use voidage_coupling::error::{Notice, PeerError};
 /// First bytes of every frame: `VOIDAGE.` as a little-endian number. A machine of the other byte order sees another.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"VOIDAGE.");
 /// Version of the protocol; both ends must have the same.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// Flag of a step or a state: the last solution is accepted, before anything else is done.
 pub const ACCEPT: u32 = 1;
 /// Flag of a step: the mesh moves, and the payload has the places and velocities of its nodes.
@@ -16,6 +16,10 @@ pub const IMMERSED: u32 = 4;
 /// Flag of a step with grains: solid volume comes in, and the payload has the nodal source of the equation of mass
 /// behind the voidage.
 pub const APPEARS: u32 = 8;
+
+/// Flag of a mesh: it has periodic sides, and the payload has the lengths of the period and the master of every node behind
+/// the cells of the facets.
+pub const JOINED: u32 = 16;
 
 /// What a frame is. The grains ask, the fluid answers each question with one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +68,7 @@ pub struct Header {
     pub run: u64,
     /// Number of the mesh, from 1; 0 before the first.
     pub generation: u32,
-    /// [`ACCEPT`], [`MOVES`], [`IMMERSED`] and [`APPEARS`], or 0.
+    /// [`ACCEPT`], [`MOVES`], [`IMMERSED`], [`APPEARS`] and [`JOINED`], or 0.
     pub flags: u32,
     /// Number of the step since time zero; the first is 1.
     pub step: u64,

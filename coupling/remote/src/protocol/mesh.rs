@@ -2,11 +2,11 @@
 
 use super::columns::{FIELD_SCALAR, FIELDS, Table, TableLayout, wrong};
 use super::text::{numbers_for_text, write_text};
-use super::{Header, Kind, read_text};
+use super::{Header, JOINED, Kind, read_text};
 use std::ops::Range;
 use voidage_coupling::error::PeerError;
 use voidage_fluid::flow::State;
-use voidage_fluid::mesh::Boundary;
+use voidage_fluid::mesh::{Boundary, Periodic};
 use voidage_fluid::{Mesh, Vector};
 
 /// Accepted nodal fields for a mesh that is there.
@@ -62,13 +62,16 @@ pub fn read_state<const D: usize>(
     Ok(fields)
 }
 
-/// Places in the payload of a mesh: nodes, nodes of cells, nodes of facets, cells behind facets. Numbers of nodes and
+/// Places in the payload of a mesh: nodes, nodes of cells, nodes of facets, cells behind facets; where sides are one the
+/// lengths of the period and the master of every node. Numbers of nodes and
 /// cells are whole numbers of 8 bytes like all others.
 struct MeshLayout {
     points: Range<usize>,
     cells: Range<usize>,
     facets: Range<usize>,
     behind: Range<usize>,
+    period: Range<usize>,
+    masters: Range<usize>,
 }
 
 impl MeshLayout {
@@ -77,7 +80,17 @@ impl MeshLayout {
         let cells = points + header.cells as usize * (dimension + 1);
         let facets = cells + header.facets as usize * dimension;
         let behind = facets + header.facets as usize;
-        Self { points: 0..points, cells: points..cells, facets: cells..facets, behind: facets..behind }
+        let joined = usize::from(header.flags & JOINED != 0);
+        let period = behind + joined * dimension;
+        let masters = period + joined * header.rows as usize;
+        Self {
+            points: 0..points,
+            cells: points..cells,
+            facets: cells..facets,
+            behind: facets..behind,
+            period: behind..period,
+            masters: period..masters,
+        }
     }
 }
 
@@ -98,6 +111,7 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
 
     fn counts(&self) -> Header {
         Header {
+            flags: if self.mesh.periodic.is_none() { 0 } else { JOINED },
             rows: self.mesh.points.len() as u64,
             cells: self.mesh.cell_count() as u64,
             facets: self.mesh.boundaries.iter().map(|part| part.cells.len() as u64).sum(),
@@ -106,16 +120,16 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
     }
 
     fn place(&self) -> TableLayout {
-        TableLayout::of(self.fields, MeshLayout::of(&self.counts(), D).behind.end)
+        TableLayout::of(self.fields, MeshLayout::of(&self.counts(), D).masters.end)
     }
 
     /// Its header.
     pub fn header(&self) -> Header {
-        let Header { cells, facets, .. } = self.counts();
+        let Header { cells, facets, flags, .. } = self.counts();
         let place = self.place();
         let length = (place.end() + numbers_for_text(&self.parts)) as u64;
         let header =
-            Header { cells, facets, text: self.parts.len() as u64, length, ..Header::new(Kind::Mesh) };
+            Header { cells, facets, flags, text: self.parts.len() as u64, length, ..Header::new(Kind::Mesh) };
         place.describe(self.fields.scalars(), header)
     }
 
@@ -128,6 +142,12 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
         put_numbers(&mut payload[places.cells], self.mesh.cells.iter());
         put_numbers(&mut payload[places.facets], parts.iter().flat_map(|part| &part.facets));
         put_numbers(&mut payload[places.behind], parts.iter().flat_map(|part| &part.cells));
+        let periodic = &self.mesh.periodic;
+        let period = payload[places.period].iter_mut().zip(periodic.period());
+        period.for_each(|(to, length)| *to = *length);
+        let nodes = 0..self.mesh.points.len() as u32;
+        let masters = payload[places.masters].iter_mut().zip(nodes);
+        masters.for_each(|(to, node)| *to = f64::from(periodic.master(node)));
         self.place().write(self.fields, payload);
         write_text(&self.parts, payload);
     }
@@ -161,11 +181,19 @@ pub fn read_mesh<const D: usize>(header: &Header, payload: &[f64]) -> Result<(Me
     }
     let places = MeshLayout::of(header, D);
     let mut fields = State::default();
-    fields_at(header, payload, places.behind.end, &mut fields)?;
+    fields_at(header, payload, places.masters.end, &mut fields)?;
     let points = payload[places.points].chunks_exact(D).map(Vector::from_column_slice).collect();
     let cells = numbers(&payload[places.cells], header.rows, "node")?;
     let facets = numbers(&payload[places.facets], header.rows, "node")?;
     let behind = numbers(&payload[places.behind], header.cells, "cell")?;
+    let periodic = match places.masters.is_empty() {
+        true => Periodic::default(),
+        false => {
+            let period = Vector::from_column_slice(&payload[places.period]);
+            let masters = numbers(&payload[places.masters], header.rows, "master")?;
+            Periodic::new(period, masters).or_else(|error| wrong(error.to_string()))?
+        }
+    };
     let parts: Vec<(String, usize)> = serde_json::from_str(&read_text(header, payload)?)
         .or_else(|error| wrong(format!("the boundaries of a mesh: {error}")))?;
     if parts.iter().map(|(_, count)| *count as u64).fold(0, u64::saturating_add) != header.facets {
@@ -182,5 +210,5 @@ pub fn read_mesh<const D: usize>(header: &Header, payload: &[f64]) -> Result<(Me
         }
     };
     let boundaries = parts.into_iter().map(boundary).collect();
-    Ok((Mesh { points, cells, boundaries }, fields))
+    Ok((Mesh { points, cells, boundaries, periodic }, fields))
 }

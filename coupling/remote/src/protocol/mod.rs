@@ -29,7 +29,7 @@ mod text;
 pub use columns::{
     Column, Described, FIELD_SCALAR, FIELDS, POINT_SCALAR, POINTS, Table, TableLayout, Values, ValuesMut,
 };
-pub use header::{ACCEPT, APPEARS, HEADER_BYTES, Header, IMMERSED, Kind, MAGIC, MOVES, VERSION};
+pub use header::{ACCEPT, APPEARS, HEADER_BYTES, Header, IMMERSED, JOINED, Kind, MAGIC, MOVES, VERSION};
 pub use mesh::{MeshMessage, StateMessage, read_mesh, read_state};
 pub use messages::{SolutionMessage, StepLayout, StepMessage, longest_solution, read_solution, read_step};
 pub use motion::MotionLayout;

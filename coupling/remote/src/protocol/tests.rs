@@ -56,13 +56,19 @@ fn points(count: usize) -> Points<2> {
 
 #[test]
 fn a_mesh_comes_back_as_it_was() {
-    let mesh = mesh().expect("a valid rectangle");
-    let fields = fields(mesh.points.len());
-    let message = MeshMessage::new(&mesh, &fields);
-    let header = message.header();
-    let mut payload = vec![f64::NAN; header.length as usize];
-    message.write(&mut payload);
-    assert_eq!(read_mesh(&header, &payload).expect("a mesh"), (mesh, fields));
+    let plain = mesh().expect("a valid rectangle");
+    let mut joined = plain.clone();
+    joined.join_sides([true, false]).expect("sides that fit");
+    assert!(joined.periodic.images().len() > 4);
+    for mesh in [plain, joined] {
+        let fields = fields(mesh.points.len());
+        let message = MeshMessage::new(&mesh, &fields);
+        let header = message.header();
+        let mut payload = vec![f64::NAN; header.length as usize];
+        message.write(&mut payload);
+        let read = read_mesh(&header, &payload).expect("a mesh");
+        assert_eq!(read, (mesh.clone(), fields));
+    }
 }
 
 #[test]
@@ -185,6 +191,7 @@ fn texts_and_setups_come_back_bit_for_bit() {
         density: 1.1f64.sqrt(),
         viscosity: 1e-5 / 3.0,
         gravity: Vector::<2>::new(0.0, -9.81),
+        body_force: Vector::<2>::new(0.3, 0.0),
         thin_cell_drag: 0.0,
         drag_in_stabilisation: true,
     };

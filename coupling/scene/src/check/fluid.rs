@@ -20,6 +20,9 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     if let Some(velocity) = &fluid.initial_velocity {
         coordinates(scene, "fluid.initial_velocity", velocity)?;
     }
+    if let Some(force) = &fluid.body_force {
+        coordinates(scene, "fluid.body_force", force)?;
+    }
     if let Some(motion) = &fluid.mesh_motion {
         coordinates(scene, "fluid.mesh_motion.amplitude", &motion.amplitude)?;
         positive(scene, "fluid.mesh_motion.frequency", motion.frequency)?;
@@ -48,7 +51,7 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     match &fluid.mesh {
         MeshSource::Rectangle(rectangle) => {
             check_rectangle(scene, rectangle)?;
-            scene.check_boundary_names(&names(rectangle))
+            scene.check_boundary_names(&names(scene, rectangle))
         }
         MeshSource::File(file) if !file.is_file() => {
             let message = format!("`fluid.mesh.file`: there is no file {}", file.display());
@@ -245,10 +248,13 @@ fn check_rectangle(scene: &Scene, rectangle: &Rectangle) -> Checked {
     }
 }
 
-/// The names of all parts of the boundary, in order, each once.
-fn names(rectangle: &Rectangle) -> Vec<&str> {
+/// The names of all parts of the boundary, in order, each once; those of periodic sides are none.
+fn names<'a>(scene: &Scene, rectangle: &'a Rectangle) -> Vec<&'a str> {
     let Sides { left, right, bottom, top } = &rectangle.sides;
-    let sides = [left, right, bottom, top].into_iter().flat_map(|side| side.0.iter().map(|part| &part.name));
+    let [across, up] = scene.period().sides().map(|sides| sides.is_some());
+    let sides = [(left, across), (right, across), (bottom, up), (top, up)];
+    let sides = sides.into_iter().filter(|(_, joined)| !joined);
+    let sides = sides.flat_map(|(side, _)| side.0.iter().map(|part| &part.name));
     let mut names: Vec<&str> = Vec::new();
     for name in sides.chain(rectangle.holes.iter().map(|hole| &hole.name)) {
         if !names.contains(&name.as_str()) {

@@ -11,7 +11,7 @@ use crate::{
 use std::path::Path;
 use voidage_coupling::Error;
 use voidage_dem::packing::{By, Radii, SizeLaw, read_table};
-use voidage_dem::{Particles, Rounded, Vector};
+use voidage_dem::{Particles, Period, Rounded, Vector};
 
 pub(super) fn check(scene: &Scene) -> Checked {
     for (name, material) in &scene.materials {
@@ -566,7 +566,7 @@ const LEFT_BY_SETTLING: f64 = 0.25;
 fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
     let material = voidage_dem::Material::default();
     let grains = read_table::<2>(file, 0, &[material]).map_err(|error| error.to_string())?;
-    let file = file.display();
+    let (file, period) = (file.display(), scene.period());
     for (i, (at, velocity)) in grains.position.iter().zip(&grains.velocity).enumerate() {
         for (what, vector, most) in [("place", at, FAR), ("velocity", velocity, super::FAST)] {
             if vector.amax() > most {
@@ -581,10 +581,12 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
     for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
         let outside = bounds(scene).is_some_and(|(lower, upper)| {
             let reach = radius * (1.0 - OVERLAP);
-            (0..2).any(|axis| at[axis] - reach < lower[axis] || at[axis] + reach > upper[axis])
+            // Grains may lie across periodic sides.
+            let reach = |axis: usize| if period.sides()[axis].is_some() { 0.0 } else { reach };
+            (0..2).any(|axis| at[axis] - reach(axis) < lower[axis] || at[axis] + reach(axis) > upper[axis])
         });
         let cut =
-            scene.walls.iter().find(|wall| distance_to_wall(wall, at.x, at.y) < radius * (1.0 - OVERLAP));
+            scene.walls.iter().find(|wall| distance_to_wall(wall, &period, at) < radius * (1.0 - OVERLAP));
         let what = match (outside, cut) {
             (true, _) => "is outside of the fluid".to_owned(),
             (false, Some(wall)) => format!("overlaps the wall \"{}\"", wall.name),
@@ -597,7 +599,7 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
             at.y
         ));
     }
-    match overlapping(&grains.position, &grains.radius, OVERLAP, |_, _| false) {
+    match overlapping((&grains.position, &grains.radius), &period, OVERLAP, |_, _| false) {
         None => Ok(()),
         Some((a, b, overlap)) => Err(format!(
             "{file}, line {}: the grain overlaps that of line {} by {overlap:.3e} m",
@@ -608,24 +610,33 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
 }
 
 /// Two grains that overlap by more than a share of the smaller radius, the first before the second, and by how much; pairs
-/// that are excused do not count. A sweep along x.
+/// that are excused do not count. A sweep along x, in a periodic domain also over the images beyond its upper sides.
 fn overlapping(
-    positions: &[Vector<2>],
-    radii: &[f64],
+    (positions, radii): (&[Vector<2>], &[f64]),
+    period: &Period<2>,
     share: f64,
     excused: impl Fn(usize, usize) -> bool,
 ) -> Option<(usize, usize, f64)> {
-    let mut order: Vec<usize> = (0..positions.len()).collect();
-    order.sort_by(|a, b| positions[*a].x.total_cmp(&positions[*b].x));
     let reach = radii.iter().copied().fold(0.0, f64::max);
-    for (k, &a) in order.iter().enumerate() {
-        for &b in &order[k + 1..] {
-            let between = positions[b] - positions[a];
+    let mut order: Vec<(usize, Vector<2>)> = positions.iter().map(|x| period.wrap(*x)).enumerate().collect();
+    for axis in 0..2 {
+        let Some([low, high]) = period.sides()[axis] else { continue };
+        let mut image = Vector::<2>::zeros();
+        image[axis] = high - low;
+        let beyond = |place: &Vector<2>| place[axis] - low < 2.0 * reach;
+        let images: Vec<_> =
+            order.iter().filter(|(_, x)| beyond(x)).map(|(grain, x)| (*grain, x + image)).collect();
+        order.extend(images);
+    }
+    order.sort_by(|a, b| a.1.x.total_cmp(&b.1.x));
+    for (k, &(a, place)) in order.iter().enumerate() {
+        for &(b, other) in &order[k + 1..] {
+            let between = other - place;
             if between.x > radii[a] + reach {
                 break;
             }
             let overlap = radii[a] + radii[b] - between.norm();
-            if overlap > share * radii[a].min(radii[b]) && !excused(a, b) {
+            if a != b && overlap > share * radii[a].min(radii[b]) && !excused(a, b) {
                 return Some((a.min(b), a.max(b), overlap));
             }
         }
@@ -633,9 +644,11 @@ fn overlapping(
     None
 }
 
-fn distance_to_wall(wall: &Wall, x: f64, y: f64) -> f64 {
+fn distance_to_wall(wall: &Wall, period: &Period<2>, place: &Vector<2>) -> f64 {
     let [ax, ay] = [wall.from.0[0], wall.from.0[1]];
     let [bx, by] = [wall.to.0[0] - ax, wall.to.0[1] - ay];
+    let image = period.image(*place, &Vector::<2>::new(ax + 0.5 * bx, ay + 0.5 * by));
+    let [x, y] = [image.x, image.y];
     let along = ((x - ax) * bx + (y - ay) * by) / (bx * bx + by * by);
     let along = along.clamp(0.0, 1.0);
     (x - ax - along * bx).hypot(y - ay - along * by)
@@ -650,7 +663,7 @@ impl Scene {
             |grain: usize| format!("at ({:.6}, {:.6})", grains.position[grain].x, grains.position[grain].y);
         let one_group = |a: usize, b: usize| grains.material[a] == grains.material[b];
         if let Some((a, b, overlap)) =
-            overlapping(&grains.position, &grains.radius, LEFT_BY_SETTLING, one_group)
+            overlapping((&grains.position, &grains.radius), &self.period(), LEFT_BY_SETTLING, one_group)
         {
             let message = format!(
                 "`{}`: the grain {} overlaps that {} of `{}` by {overlap:.3e} m",
@@ -662,7 +675,8 @@ impl Scene {
             return Err(self.error(&path(b), message, "keep groups of grains apart"));
         }
         for (i, (at, radius)) in grains.position.iter().zip(&grains.radius).enumerate() {
-            let cuts = |wall: &&Wall| distance_to_wall(wall, at.x, at.y) < radius * (1.0 - LEFT_BY_SETTLING);
+            let cuts =
+                |wall: &&Wall| distance_to_wall(wall, &self.period(), at) < radius * (1.0 - LEFT_BY_SETTLING);
             if let Some(wall) = self.walls.iter().find(cuts) {
                 let message =
                     format!("`{}`: the grain {} overlaps the wall \"{}\"", path(i), number(i), wall.name);

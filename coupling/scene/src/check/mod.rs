@@ -3,6 +3,7 @@
 mod fluid;
 mod grains;
 mod passage;
+mod periodic;
 
 use super::{Coordinates, Scene, SceneError};
 use voidage_coupling::TEMPERATURE;
@@ -88,6 +89,7 @@ pub(super) fn walls(scene: &Scene) -> Checked {
 pub(super) fn values(scene: &Scene) -> Checked {
     time(scene)?;
     magnitudes(scene)?;
+    periodic::check(scene)?;
     // Before the fluid: a hole that no droplet claims would there be a boundary without conditions.
     scene.droplet.as_ref().map_or(Ok(()), |droplet| fluid::droplet(scene, droplet))?;
     if let Some(fluid) = &scene.fluid {
@@ -159,6 +161,9 @@ fn magnitudes(scene: &Scene) -> Checked {
     for (name, material) in &scene.materials {
         bounded.push((format!("materials.{name}.density"), material.density, 1e-6, 1e9));
         bounded.push((format!("materials.{name}.friction"), material.friction, 0.0, 1e3));
+    }
+    if let Some(force) = scene.fluid.as_ref().and_then(|fluid| fluid.body_force.as_ref()) {
+        bounded.push(("fluid.body_force".to_owned(), size(force), 0.0, 1e6));
     }
     for (i, group) in scene.grains.iter().enumerate() {
         let speed = group.velocity.as_ref().map_or(0.0, size);

@@ -5,6 +5,7 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use voidage_coupling::error::Result;
+use voidage_dem::Period;
 
 /// Points that stand for equal shares of a disc when it is spread over the squares of the grid.
 const SHARES: usize = 32;
@@ -43,24 +44,25 @@ impl Averages {
     }
 
     /// Takes a sample: centres, m, velocities, m/s, radii, m, and solid areas, m2, of the discs. What lies outside of the
-    /// box is left out. In space: seen along the second axis, volumes for areas.
+    /// box is left out; what lies beyond a periodic side is at the other. In space: seen along the second axis, volumes for areas.
     pub fn sample<const D: usize>(
         &mut self,
         positions: &[SVector<f64, D>],
         velocities: &[SVector<f64, D>],
         radii: &[f64],
         areas: &[f64],
+        period: &Period<D>,
     ) {
         let pattern = shares();
         self.samples += 1;
         for (i, centre) in positions.iter().enumerate() {
             let share = areas[i] / SHARES as f64;
             for point in &pattern {
-                let Some(square) =
-                    self.square([centre[0] + radii[i] * point[0], centre[D - 1] + radii[i] * point[1]])
-                else {
-                    continue;
-                };
+                let mut place = *centre;
+                place[0] += radii[i] * point[0];
+                place[D - 1] += radii[i] * point[1];
+                let place = period.wrap(place);
+                let Some(square) = self.square([place[0], place[D - 1]]) else { continue };
                 self.solid[square] += share;
                 self.flux[square][0] += share * velocities[i][0];
                 self.flux[square][1] += share * velocities[i][D - 1];

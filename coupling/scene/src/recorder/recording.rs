@@ -191,7 +191,7 @@ impl Recording {
         if due.average
             && let (Some(averages), Some(grains)) = (&mut self.averages, view.grains)
         {
-            averages.sample(grains.position, grains.velocity, grains.radius, grains.volume);
+            averages.sample(grains.position, grains.velocity, grains.radius, grains.volume, &grains.period);
         }
         if due.frame {
             self.frame(step, time, view)?;
@@ -324,7 +324,7 @@ fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Result<Option<Aver
     Ok(grid.map(|(average, [lower, upper])| Averages::new(lower, upper, average.cell)))
 }
 
-/// The corners of the fluid, or of all walls, or of all grains.
+/// The corners of the fluid, or of all walls, or of all grains; along a periodic axis the sides.
 fn extent<const D: usize>(scene: &Scene, view: &View<D>) -> Option<[[f64; 2]; 2]> {
     let plane = |point: &nalgebra::SVector<f64, D>| [point[0], point[D - 1]];
     let points: Vec<[f64; 2]> = match (&view.fluid, &view.grains) {
@@ -338,8 +338,11 @@ fn extent<const D: usize>(scene: &Scene, view: &View<D>) -> Option<[[f64; 2]; 2]
         (None, None) => return None,
     };
     let bound = |axis: usize, pick: fn(f64, f64) -> f64| points.iter().map(|point| point[axis]).reduce(pick);
-    let lower = [bound(0, f64::min)?, bound(1, f64::min)?];
-    let upper = [bound(0, f64::max)?, bound(1, f64::max)?];
+    let mut lower = [bound(0, f64::min)?, bound(1, f64::min)?];
+    let mut upper = [bound(0, f64::max)?, bound(1, f64::max)?];
+    for (axis, _, [low, high]) in scene.periodic.iter().flat_map(|periodic| periodic.axes()) {
+        (lower[axis], upper[axis]) = (low, high);
+    }
     Some([lower, upper])
 }
 

@@ -3,6 +3,7 @@
 use super::*;
 use nalgebra::Vector2;
 use std::fs;
+use voidage_dem::Period;
 
 #[test]
 fn frames_read_back_as_written() {
@@ -110,23 +111,26 @@ fn checkpoints_read_back_and_refuse_damage_and_other_scenes() {
 
 #[test]
 fn averages_keep_the_solid_area_and_the_velocity() {
-    let mut averages = Averages::new([0.0, 0.0], [1.0, 2.0], 0.1);
-    let (position, velocity) = (Vector2::new(0.47, 1.01), Vector2::new(0.5, -2.0));
-    for _ in 0..3 {
-        averages.sample(&[position], &[velocity], &[0.2], &[0.1]);
-    }
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("averages.csv");
-    averages.write(&path).unwrap();
-    let text = fs::read_to_string(&path).unwrap();
-    let rows: Vec<Vec<f64>> =
-        text.lines().skip(1).map(|row| row.split(',').map(|x| x.parse().unwrap()).collect()).collect();
-    assert_eq!(rows.len(), 200);
-    let solid: f64 = rows.iter().map(|row| row[2] * 0.01).sum();
-    approx::assert_relative_eq!(solid, 0.1, max_relative = 1e-12);
-    for row in rows.iter().filter(|row| row[2] > 0.0) {
-        approx::assert_relative_eq!(row[3], 0.5, max_relative = 1e-12);
-        approx::assert_relative_eq!(row[4], -2.0, max_relative = 1e-12);
+    let sides = Period::new([Some([0.0, 1.0]), None]).unwrap();
+    for (place, period) in [(0.47, Period::default()), (0.05, sides)] {
+        let mut averages = Averages::new([0.0, 0.0], [1.0, 2.0], 0.1);
+        let (position, velocity) = (Vector2::new(place, 1.01), Vector2::new(0.5, -2.0));
+        for _ in 0..3 {
+            averages.sample(&[position], &[velocity], &[0.2], &[0.1], &period);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("averages.csv");
+        averages.write(&path).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        let rows: Vec<Vec<f64>> =
+            text.lines().skip(1).map(|row| row.split(',').map(|x| x.parse().unwrap()).collect()).collect();
+        assert_eq!(rows.len(), 200);
+        let solid: f64 = rows.iter().map(|row| row[2] * 0.01).sum();
+        approx::assert_relative_eq!(solid, 0.1, max_relative = 1e-12);
+        for row in rows.iter().filter(|row| row[2] > 0.0) {
+            approx::assert_relative_eq!(row[3], 0.5, max_relative = 1e-12);
+            approx::assert_relative_eq!(row[4], -2.0, max_relative = 1e-12);
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use super::Reading;
 use crate::network::Network;
 use nalgebra::SVector;
 use voidage_coupling::TEMPERATURE;
+use voidage_dem::Period;
 use voidage_fluid::Mesh;
 use voidage_fluid::flow::State;
 
@@ -37,6 +38,8 @@ pub struct GrainView<'a, const D: usize> {
     pub spin: Option<&'a [f64]>,
     /// Temperatures, K, if grains have them.
     pub temperature: Option<&'a [f64]>,
+    /// The periodic sides between which the centres lie.
+    pub period: Period<D>,
 }
 
 /// Nodal fields of the fluid.
