@@ -89,8 +89,12 @@ fn a_disc_that_rolls_comes_to_rest_where_it_should() {
 fn two_discs_resist_by_their_effective_radius() {
     let (radii, rolling, force) = ([0.02, 0.05], 0.1, 3.0);
     let material = resisting(0.0, rolling);
-    let grains =
-        Particles::new(vec![v(0.0, 0.0), v(0.07, 0.0)], radii.to_vec(), vec![0, 0], &[material.clone()]);
+    let grains = Particles::new(
+        vec![v(0.0, 0.0), v(0.07, 0.0)],
+        radii.to_vec(),
+        vec![0, 0],
+        std::slice::from_ref(&material),
+    );
     let mut grains = grains.unwrap().rotating();
     let rotation = grains.rotation.as_mut().unwrap();
     rotation.spin = vec![-30.0, 40.0];
@@ -260,7 +264,9 @@ fn resistance_is_refused_where_it_cannot_be_had() {
     let interior = Settings { interior: true, ..precise() };
     assert!(of(grains.clone().rotating(), interior).unwrap().to_string().contains("interior-point"));
     assert!(of(grains.rotating(), precise()).is_none());
-    let sphere = Particles::<3>::new(vec![Vector::zeros()], vec![R], vec![0], &[material.clone()]).unwrap();
+    let sphere =
+        Particles::<3>::new(vec![Vector::zeros()], vec![R], vec![0], std::slice::from_ref(&material))
+            .unwrap();
     let refused = Dem::new(sphere, vec![], vec![material], Settings::default()).err().unwrap();
     assert!(refused.to_string().contains("rolling"), "{refused}");
     let bad = Particles::<2>::new(vec![V::zeros()], vec![R], vec![0], &[resisting(0.1, 1.5)]);
