@@ -251,8 +251,8 @@ impl<const D: usize> Dem<D> {
         report
     }
 
-    /// The first grain whose place or velocity, now or after the forces, is not finite, or that would go farther than [`RUNAWAY`]
-    /// radii; and its speed. No search for contacts would end.
+    /// The first grain whose place or velocity, now or after the forces, is not finite, or that would go farther than
+    /// [`RUNAWAY`] radii; and its speed. No search for contacts would end.
     fn runaway(&self, dt: f64, load: &Load<'_, D>) -> Option<(u32, f64)> {
         let (scene, p) = (self.scene(dt, load), &self.particles);
         let squares = |i: usize| [p.velocity[i], scene.free_velocity(i)].map(|v| v.norm_squared());
@@ -332,7 +332,8 @@ impl<const D: usize> Dem<D> {
         }
     }
 
-    /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.
+    /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the
+    /// impulses.
     fn move_grains(
         &mut self,
         [h, step]: [f64; 2],
@@ -447,7 +448,8 @@ impl<const D: usize> Dem<D> {
         self.saved.contact_heat.clone_from(&self.contact_heat);
     }
 
-    /// Back to the last [`Self::save`]. The impulses stay those of the step on trial: the next one starts warm from them.
+    /// Back to the last [`Self::save`]. The impulses stay those of the step on trial: the next one starts warm from
+    /// them.
     pub fn rewind(&mut self) {
         self.time = self.saved.restore(&mut self.particles, &mut self.memory);
         self.contact_force.clone_from(&self.saved.contact_force);
@@ -536,8 +538,8 @@ impl<const D: usize> Dem<D> {
         })
     }
 
-    /// Lets the next step start from these forces: those of a bed that has settled before. Without them the forces of a bed
-    /// that is at rest are sought from nothing, and it gives way a little meanwhile.
+    /// Lets the next step start from these forces: those of a bed that has settled before. Without them the forces of a
+    /// bed that is at rest are sought from nothing, and it gives way a little meanwhile.
     pub fn start_from(&mut self, forces: &[ContactForce<D>]) {
         // Impulses of a step of one second; the next one takes its part.
         let records = || {

@@ -54,8 +54,8 @@ impl<const D: usize> Moved<'_, D> {
         (p.radius[i] + p.radius[j] - nearest) / p.radius[i].min(p.radius[j])
     }
 
-    /// Measured from the side of the wall that the centre was on at the start: a centre that has crossed the wall is a radius
-    /// and more deep, however far it has gone.
+    /// Measured from the side of the wall that the centre was on at the start: a centre that has crossed the wall is a
+    /// radius and more deep, however far it has gone.
     fn with_wall(&self, i: usize, wall: &Placed<D>) -> f64 {
         let (radius, end) = (self.particles.radius[i], self.particles.position[i]);
         let start = end - self.particles.velocity[i] * self.h;
@@ -66,7 +66,8 @@ impl<const D: usize> Moved<'_, D> {
     }
 }
 
-/// Whether a point that goes straight from a place beside a wall to a place beside where the wall is then passes through it.
+/// Whether a point that goes straight from a place beside a wall to a place beside where the wall is then passes
+/// through it.
 fn crossed<const D: usize>(
     (wall, start): (&Placed<D>, &Vector<D>),
     (moved, end): (&Placed<D>, &Vector<D>),

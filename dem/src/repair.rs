@@ -16,8 +16,8 @@ const REPAIRED: f64 = 0.1;
 /// Sweeps at most for it: what is left is taken back in the sub-steps that follow.
 const REPAIR_SWEEPS: usize = 100;
 /// Overlap, as a share of the smaller radius, from which overlaps are taken back, and the part of it that stays.
-/// Every repair lifts what lies above, and opens and closes other contacts: if it took back what contacts may close by in one
-/// sub-step, large beds, where one of them always does, would never rest.
+/// Every repair lifts what lies above, and opens and closes other contacts: if it took back what contacts may close by
+/// in one sub-step, large beds, where one of them always does, would never rest.
 const DEEP: f64 = 7e-3;
 pub(crate) const LEFT: f64 = 3.5e-3;
 

@@ -146,8 +146,8 @@ impl Simulation {
         })
     }
 
-    /// The scene at a checkpoint, with the grains that it has: none are placed. After a change of `time.step` the steps count as if all
-    /// had been of the new length.
+    /// The scene at a checkpoint, with the grains that it has: none are placed. After a change of `time.step` the steps
+    /// count as if all had been of the new length.
     ///
     /// # Errors
     /// Those of [`build::placed`], a checkpoint that does not fit the scene, a time that is no whole number of steps.
@@ -211,7 +211,8 @@ impl Simulation {
         Ok(self)
     }
 
-    /// Lets other fluid solvers solve the given steps from the states of this run; `density` is that of the fluid, kg/m3.
+    /// Lets other fluid solvers solve the given steps from the states of this run; `density` is that of the fluid,
+    /// kg/m3.
     ///
     /// # Errors
     /// There is no fluid.
@@ -305,8 +306,8 @@ impl Simulation {
     /// One step.
     ///
     /// # Errors
-    /// Those of [`Coupled::step`], with step and time in front; [`Error::Penetration`] after a step in which grains came further
-    /// into each other or into walls than the scene allows: that step is done.
+    /// Those of [`Coupled::step`], with step and time in front; [`Error::Penetration`] after a step in which grains
+    /// came further into each other or into walls than the scene allows: that step is done.
     pub fn step(&mut self) -> Result<StepReport> {
         let (step, time) = (self.steps() + 1, self.time());
         self.change_laws(step - 1, |event, steps| event.after <= steps)
@@ -420,8 +421,8 @@ impl Simulation {
         View { grains, fluid, network: self.network.as_ref() }
     }
 
-    /// Columns of the series that the view does not show: how the last step went, and what passed the boundary in it; zeros before
-    /// the first, so that the columns are always the same.
+    /// Columns of the series that the view does not show: how the last step went, and what passed the boundary in it;
+    /// zeros before the first, so that the columns are always the same.
     pub fn readings(&self) -> Vec<Reading> {
         let (mut readings, last) = (Vec::<Reading>::new(), &self.last);
         if let Some(grains) = self.coupled.grains() {
@@ -520,7 +521,8 @@ impl Simulation {
         }
     }
 
-    /// What passed each part of the boundary of the mesh in the last step; no numbers where the solver does not compute it.
+    /// What passed each part of the boundary of the mesh in the last step; no numbers where the solver does not compute
+    /// it.
     fn boundary_readings(&self, fluid: &Fluid<2>, readings: &mut Vec<Reading>) {
         let steps = self.last.fluid.is_some();
         let none = Balance {

@@ -16,8 +16,8 @@ const SETTLING_SWEEPS: usize = 32;
 const ATTEMPTS: usize = 5;
 
 impl<const D: usize> Dem<D> {
-    /// Finds and solves the contacts, again with a wider search if a grain became faster than the search assumed. Returns the
-    /// energy of the error of the velocities over that of what forces bring; zero for a part of a step.
+    /// Finds and solves the contacts, again with a wider search if a grain became faster than the search assumed.
+    /// Returns the energy of the error of the velocities over that of what forces bring; zero for a part of a step.
     pub(super) fn solve_contacts(
         &mut self,
         [h, step]: [f64; 2],
@@ -44,7 +44,8 @@ impl<const D: usize> Dem<D> {
                 break;
             }
             report.repeats += 1;
-            // Those of all attempts: the solution of a wider search may be slow where the one before was not, and again.
+            // Those of all attempts: the solution of a wider search may be slow where the one before was not, and
+            // again.
             let known = self.after.len();
             self.after.resize(known + self.particles.len(), Vector::zeros());
             for (slot, &i) in search.grid.grain_of.iter().enumerate() {

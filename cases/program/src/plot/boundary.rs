@@ -91,8 +91,8 @@ fn of_mesh(mesh: &Mesh<2>) -> Vec<(String, Line)> {
     mesh.boundaries.iter().flat_map(of).collect()
 }
 
-/// The sides of triangles of a frame that have no neighbour, each with the number of the part that it lies nearest to; but for
-/// those of a ring, the surface of a droplet.
+/// The sides of triangles of a frame that have no neighbour, each with the number of the part that it lies nearest to;
+/// but for those of a ring, the surface of a droplet.
 pub fn sides(parts: &[Part], frame: &Frame, ring: Option<&[[f64; 2]]>) -> Vec<(usize, Line)> {
     let sides = frame.cells.as_chunks::<3>().0.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]);
     let mut all: Vec<(u32, u32)> = sides.collect();
