@@ -66,6 +66,35 @@ pub struct State<const D: usize> {
     wall_torque: Vec<f64>,
 }
 
+impl<const D: usize> State<D> {
+    /// Checks that all columns are of the same grains and walls, and that contacts and forces are finite.
+    ///
+    /// # Errors
+    /// Names the column that is not.
+    pub fn validate(&self) -> Result<()> {
+        self.particles.validate_lengths()?;
+        let (grains, walls) = (self.particles.len(), self.wall_force.len());
+        let heat = |of: usize| move |count: usize| count == 0 || count == of;
+        let finite = |column: &[f64]| column.iter().all(|x| x.is_finite());
+        let vectors = |column: &[Vector<D>]| column.iter().flatten().all(|x| x.is_finite());
+        let columns = [
+            ("forces on grains", self.contact_force.len() == grains && vectors(&self.contact_force)),
+            ("heat to grains", heat(grains)(self.contact_heat.len()) && finite(&self.contact_heat)),
+            ("forces on walls", vectors(&self.wall_force)),
+            ("heat to walls", heat(walls)(self.wall_heat.len()) && finite(&self.wall_heat)),
+            ("torques on walls", heat(walls)(self.wall_torque.len()) && finite(&self.wall_torque)),
+            ("contacts", self.memory.fits(grains, walls)),
+            ("time", self.time.is_finite()),
+        ];
+        match columns.iter().find(|(_, good)| !good) {
+            Some((name, _)) => {
+                Err(Error::Scene(format!("the state of {grains} grains and {walls} walls has wrong {name}")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
 /// What a grain touches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Partner {
@@ -591,7 +620,11 @@ impl<const D: usize> Dem<D> {
     }
 
     /// Continues from a state of the same scene, bit for bit as if it had not stopped.
+    ///
+    /// # Errors
+    /// Those of [`State::validate`], values that no grain has, forces of other walls.
     pub fn restore(&mut self, state: State<D>) -> Result<()> {
+        state.validate()?;
         state.particles.validate(&self.materials)?;
         let n = state.particles.len();
         if state.contact_force.len() != n || state.wall_force.len() != self.walls.len() {
