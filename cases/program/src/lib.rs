@@ -19,6 +19,7 @@ mod sizes;
 
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 use voidage_campaign::progress;
@@ -142,7 +143,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         _ => false,
     };
     progress::start_logging(quiet);
-    match perform(arguments.command) {
+    // Where an interpreter is the process, nobody else writes what is left in the buffer.
+    let written =
+        || std::io::stdout().flush().map_err(|error| Error::run(format!("cannot write the output: {error}")));
+    match perform(arguments.command).and_then(|code| written().map(|()| code)) {
         Ok(code) => code,
         Err(error) => {
             report::print(&error);
