@@ -230,6 +230,8 @@ class Campaign:
     def forge_checkpoint(self) -> None:
         """A checkpoint whose checksum is right and whose content is forged is refused, within 4 GiB of memory."""
         data = (self.work / "straight" / "checkpoint.voidage").read_bytes()
+        if len(data) < 1000:
+            raise Wrong(f"its checkpoint has {len(data)} bytes")
         head, parts = bytearray(data[:HEAD]), data[HEAD + 32 :]
         sizes = struct.unpack_from("<QQ", head, HEAD - 16)
         state, recorder = bytearray(parts[: sizes[0]]), parts[sizes[0] :]
