@@ -4,6 +4,8 @@ scenes, meshes and tables, solvers that die or send anything, strangers that con
 
     tests/campaign.py --program target/release/voidage [--count N | --share 1] [--seed 1]
 
+(it needs the package blake3, for checkpoints that are forged)
+
 prints a table: how often each was tried, and how often the program did what it should. The exit code is 1 if it
 once did not.
 Nothing may be lost, nothing may go wrong in silence, and nothing may panic.
@@ -15,6 +17,7 @@ import argparse
 import json
 import random
 import re
+import resource
 import shutil
 import signal
 import socket
@@ -26,6 +29,8 @@ import time
 from pathlib import Path
 from typing import Callable, Sequence
 
+from blake3 import blake3
+
 BED = Path(__file__).resolve().parent / "cases" / "bed.toml"
 #: Checkpoints come often, so that a kill finds one.
 OFTEN = ["--set", "output.checkpoint_interval=0.002"]
@@ -36,6 +41,9 @@ HEADER = struct.Struct("<QIIQIIQIIdd8Q")
 MAGIC = int.from_bytes(b"VOIDAGE.", "little")
 PROTOCOL = Path(__file__).resolve().parents[1] / "coupling/remote/src/protocol/header.rs"
 VERSION = int(re.findall(r"VERSION: u32 = (\d+);", PROTOCOL.read_text())[0])
+
+#: Bytes of a checkpoint before its checksum.
+HEAD = 8 + 4 + 64 + 8 + 8 + 8 + 8
 
 #: Files that are the same, byte for byte, however a run came to its end.
 RESULTS = ("series.csv", "averages.csv", "checkpoint.voidage", "grains.pvd")
@@ -92,6 +100,16 @@ def table(n: int = 5) -> str:
     return "\n".join(["x,y,r,vx,vy,T", *rows, ""])
 
 
+def varint(data: bytes | bytearray, at: int) -> tuple[int, int]:
+    """The number of variable length at a place, seven bits a byte, and where it ends."""
+    value, shift = 0, 0
+    while True:
+        value |= (data[at] & 127) << shift
+        at, shift = at + 1, shift + 7
+        if data[at - 1] < 128:
+            return value, at
+
+
 class Wrong(Exception):
     """What the program should not have done."""
 
@@ -104,11 +122,14 @@ class Campaign:
         shutil.copy(BED, work / "scene.toml")
         self.ended(self.start("straight", *OFTEN), [0])
 
-    def start(self, out: str, *more: str, scene: str = "scene.toml") -> subprocess.Popen[str]:
-        command = [str(self.program), "run", scene, "--quiet", "--threads", "1", "--out", out, *more]
-        return subprocess.Popen(
+    def start(self, out: str, *more: str, limit: int = resource.RLIM_INFINITY) -> subprocess.Popen[str]:
+        """A run, which may have so many bytes of memory."""
+        command = [str(self.program), "run", "scene.toml", "--quiet", "--threads", "1", "--out", out, *more]
+        run = subprocess.Popen(
             command, cwd=self.work, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         )
+        resource.prlimit(run.pid, resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
+        return run
 
     def ended(self, run: subprocess.Popen[str], allowed: list[int]) -> str:
         """What a run said; it must end in time, with one of these exit codes, and without a panic."""
@@ -205,6 +226,41 @@ class Campaign:
         (self.work / "bad.voidage").write_bytes(data)
         more = ["--restart", "bad.voidage", "--set", "time.end=0.05"]
         self.ended(self.start(self.folder(), *OFTEN, *more), [2])
+
+    def forge_checkpoint(self) -> None:
+        """A checkpoint whose checksum is right and whose content is forged is refused, within 4 GiB of memory."""
+        data = (self.work / "straight" / "checkpoint.voidage").read_bytes()
+        if len(data) < 1000:
+            raise Wrong(f"its checkpoint has {len(data)} bytes")
+        head, parts = bytearray(data[:HEAD]), data[HEAD + 32 :]
+        sizes = struct.unpack_from("<QQ", head, HEAD - 16)
+        state, recorder = bytearray(parts[: sizes[0]]), parts[sizes[0] :]
+        # The state begins with its time, the number of steps, a mark, the time of the grains and their number; their
+        # places and, after the number again, their velocities follow.
+        _, mark = varint(state, 8)
+        number = mark + 1 + 8
+        count, places = varint(state, number)
+        way = self.random.randrange(5)
+        if way == 0:
+            wrong = self.random.choice([b"\0", bytes([1]), b"\xff" * 9 + b"\x01", b"\xff\xff\xff\xff\x0f"])
+            state[number:places] = wrong
+        elif way == 1:
+            column = self.random.choice([places, places + 16 * count + places - number])
+            at = column + 8 * self.random.randrange(2 * count)
+            state[at : at + 8] = struct.pack("<d", self.random.choice([float("nan"), float("inf"), -float("inf")]))
+        elif way == 2:
+            struct.pack_into("<d", state, 0, self.random.choice([float("nan"), -1.0, 1e300, float("inf")]))
+        elif way == 3:
+            del state[self.random.randrange(len(state)) :]
+        else:
+            state += self.random.randbytes(self.random.randrange(1, 4000))
+        struct.pack_into("<QQ", head, HEAD - 16, len(state), len(recorder))
+        checksum = blake3(bytes(head) + bytes(state) + recorder).digest()
+        (self.work / "forged.voidage").write_bytes(bytes(head) + checksum + bytes(state) + recorder)
+        more = ["--restart", "forged.voidage", "--set", "time.end=0.05"]
+        run = self.start(self.folder(), *OFTEN, *more, limit=4 * 2**30)
+        if not self.ended(run, [2]).strip():
+            raise Wrong("it says nothing")
 
     def mutate_files(self) -> None:
         """A scene is checked or refused, in time, whose mesh or table of grains has a changed number, character or
@@ -396,6 +452,7 @@ class Campaign:
             (self.two_runs, 20),
             (self.solver_ends, 180),
             (self.corrupt_checkpoint, 535),
+            (self.forge_checkpoint, 300),
             (self.mutate_scene, 1720),
             (self.mutate_files, 900),
             (self.stranger, 50),

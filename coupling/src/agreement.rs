@@ -10,7 +10,8 @@ use voidage_dem::{Dem, Vector};
 pub struct Carried<const D: usize> {
     /// gamma (v* - v) dt, N s by grain: what the grains got beyond what the fluid lost.
     pub impulse: Vec<Vector<D>>,
-    /// (v* - v) dt with v* of the solid flux, m by grain: by how much the equation of mass moved the grains further than they moved.
+    /// (v* - v) dt with v* of the solid flux, m by grain: by how much the equation of mass moved the grains further
+    /// than they moved.
     pub displacement: Vec<Vector<D>>,
     /// hA (T* - T) dt, J by grain; empty without heat.
     pub heat: Vec<f64>,
@@ -30,7 +31,8 @@ impl<const D: usize> Carried<D> {
         }
     }
 
-    /// Takes what is carried of a grain: impulse (N s) and heat (J). Its displacement is dropped: no fluid is to make room for it.
+    /// Takes what is carried of a grain: impulse (N s) and heat (J). Its displacement is dropped: no fluid is to make
+    /// room for it.
     pub(crate) fn take(&mut self, grain: usize) -> (Vector<D>, f64) {
         self.displacement[grain] = Vector::zeros();
         let impulse = std::mem::replace(&mut self.impulse[grain], Vector::zeros());
@@ -53,7 +55,8 @@ pub struct Agreement {
     /// gamma |v - v*| and rho_f V/dt |v - v*|, of momentum and of the solid flux, over weight and force: root of the
     /// sums of squares over the grains.
     pub disagreement: f64,
-    /// hA |T - T*|, as far as it is beyond the accuracy of the temperatures, over hA times their range, likewise; zero without heat.
+    /// hA |T - T*|, as far as it is beyond the accuracy of the temperatures, over hA times their range, likewise; zero
+    /// without heat.
     pub heat_disagreement: f64,
     /// Whether both are within the tolerance; always for schemes that solve the fluid once.
     pub converged: bool,
@@ -124,11 +127,12 @@ pub struct Temperatures {
 impl Temperatures {
     /// Weighs the heat that the fluid did not lose (W, by grain) against hA times the range of temperatures.
     ///
-    /// It is the difference of two numbers of the size of hA T. One of them comes from an equation whose terms have the size of C T / dt
-    /// and hA T and which is solved to a relative residual, so that T is known to about this share of itself, and to no less than rounding
-    /// leaves. What is within that is no disagreement: where all temperatures are equal, their range consists of such errors too, and
-    /// further solutions change nothing. It is taken off the difference and not put into the scale, which remains the range: with the default of
-    /// 1e-8 at 300 K a disagreement of 1e-5 K counts, however small the range is.
+    /// It is the difference of two numbers of the size of hA T. One of them comes from an equation whose terms have the
+    /// size of C T / dt and hA T and which is solved to a relative residual, so that T is known to about this share of
+    /// itself, and to no less than rounding leaves. What is within that is no disagreement: where all temperatures are
+    /// equal, their range consists of such errors too, and further solutions change nothing. It is taken off the
+    /// difference and not put into the scale, which remains the range: with the default of 1e-8 at 300 K a disagreement
+    /// of 1e-5 K counts, however small the range is.
     pub fn disagreement(&self, law: &HeatLoad, difference: impl Fn(usize) -> f64) -> f64 {
         let (low, high) = self.bounds;
         let unknown = self.tolerance.max(ROUND_OFF) * high.abs().max(low.abs());
@@ -142,7 +146,8 @@ impl Temperatures {
 }
 
 impl<const D: usize> Interaction<D> {
-    /// gamma (v* - v) of grain `i` that moves at `velocity` (mean over the step): what it gets and the fluid does not lose, N.
+    /// gamma (v* - v) of grain `i` that moves at `velocity` (mean over the step): what it gets and the fluid does not
+    /// lose, N.
     pub(crate) fn missed(&self, velocity: Vector<D>, i: usize) -> Vector<D> {
         (self.load.expected(&self.at, i) - velocity) * self.load.drag[i]
     }
@@ -207,7 +212,8 @@ impl Agreement {
 mod tests {
     use super::*;
 
-    /// Ten grains whose temperatures differ from what the fluid expected by so much, K, in a bed at 300 K with a range of `range`, K.
+    /// Ten grains whose temperatures differ from what the fluid expected by so much, K, in a bed at 300 K with a range
+    /// of `range`, K.
     fn disagreement(difference: f64, range: f64) -> f64 {
         let coefficient: Vec<f64> = (1..=10).map(f64::from).collect();
         let none = vec![0.0; 10];

@@ -74,8 +74,8 @@ pub struct Solution<const D: usize> {
 /// A fluid solver. `solve` always starts from the last accepted state: schemes may call it many times.
 pub trait FluidBackend<const D: usize>: Send {
     /// Sets the mesh and the accepted fields: at the start, at a restart, after remeshing. Nothing of earlier
-    /// steps may influence what follows. The mesh is another one, or elsewhere, exactly if its generation is new. A mesh that moves
-    /// is moved by the steps.
+    /// steps may influence what follows. The mesh is another one, or elsewhere, exactly if its generation is new. A
+    /// mesh that moves is moved by the steps.
     ///
     /// # Errors
     /// A mesh or conditions that the solver cannot use.

@@ -75,7 +75,8 @@ pub enum Error {
     /// The process at the other end of a channel.
     #[error(transparent)]
     Peer(#[from] PeerError),
-    /// After a step grains are further in each other or in walls than the scene allows; the state is that of the end of the step.
+    /// After a step grains are further in each other or in walls than the scene allows; the state is that of the end of
+    /// the step.
     #[error("{0}")]
     Penetration(Notice),
     /// Whoever watched asked for an end before the first step.

@@ -1,12 +1,13 @@
-//! Between grains and nodal fields: the pieces in which the mesh cuts the grains, the fluid at the grains, and the point
-//! terms that the fluid solver gets.
+//! Between grains and nodal fields: the pieces in which the mesh cuts the grains, the fluid at the grains, and the
+//! point terms that the fluid solver gets.
 //!
-//! A grain has a drag, a volume and one law of its velocity; the fluid solver gets them piece by piece, each piece with its
-//! share s: volume s V, drag s gamma, mobility a/s, so that the law of a piece is `b + a (gamma u - V grad p)` with the fluid
-//! at its own place, and the equations stay local.
+//! A grain has a drag, a volume and one law of its velocity; the fluid solver gets them piece by piece, each piece with
+//! its share s: volume s V, drag s gamma, mobility a/s, so that the law of a piece is `b + a (gamma u - V grad p)` with
+//! the fluid at its own place, and the equations stay local.
 //!
-//! **Rigid grains.** A piece with more forcing f = gamma u - V grad p than the others would give way by a times the difference,
-//! though a grain is rigid. Where the solid flux has a law of its own, its constant part at a piece is therefore
+//! **Rigid grains.** A piece with more forcing f = gamma u - V grad p than the others would give way by a times the
+//! difference, though a grain is rigid. Where the solid flux has a law of its own, its constant part at a piece is
+//! therefore
 //!
 //! ```text
 //!     b - c a (f - f_mean),     f_mean = sum (s c f) / sum (s c) over the pieces of the grain,
@@ -15,10 +16,11 @@
 //! with f of the last accepted state of the fluid. The mean over the pieces is b, and where c = 1 and the forcing
 //! stays as it was, no piece moves otherwise than the grain.
 //!
-//! c is 1 but where grains leave the fluid little room. A piece with more forcing gives way, which takes X times the difference of forcing from
-//! it, X = a (gamma/eps + rho V/dt) (1 - eps)/eps; from step to step the difference d goes by d' = d_rigid - X (d' - c d), with the factor
-//! c X/(1 + X) to d_rigid/(1 + X (1 - c)). In elements full of grain, X without bound, that takes for ever, and the mobility at the pieces is all that
-//! couples the pressures of the nodes. So c = 1/(1 + X/[`LASTING`]).
+//! c is 1 but where grains leave the fluid little room. A piece with more forcing gives way, which takes X times the
+//! difference of forcing from it, X = a (gamma/eps + rho V/dt) (1 - eps)/eps; from step to step the difference d goes
+//! by d' = d_rigid - X (d' - c d), with the factor c X/(1 + X) to d_rigid/(1 + X (1 - c)). In elements full of grain, X
+//! without bound, that takes for ever, and the mobility at the pieces is all that couples the pressures of the nodes.
+//! So c = 1/(1 + X/[`LASTING`]).
 
 use crate::load::{GrainLoad, Law};
 use rayon::prelude::*;
@@ -27,7 +29,8 @@ use voidage_fluid::flow::State;
 use voidage_fluid::points::{PointScalar, Points};
 use voidage_fluid::{Mesh, Vector};
 
-/// X above which a difference of forcing within a grain, which takes some X steps to be as in a rigid one, is rather let be.
+/// X above which a difference of forcing within a grain, which takes some X steps to be as in a rigid one, is rather
+/// let be.
 pub const LASTING: f64 = 100.0;
 
 /// Voidage of an element full of grain as a weight, so that a grain all in such elements has a mean.
@@ -126,8 +129,8 @@ impl<const D: usize> Pieces<D> {
 }
 
 impl<const D: usize> AtGrains<D> {
-    /// Means of the fields over the pieces of each grain; the temperature is that scalar of the fluid, if it is wanted. A grain without
-    /// pieces keeps what it had.
+    /// Means of the fields over the pieces of each grain; the temperature is that scalar of the fluid, if it is wanted.
+    /// A grain without pieces keeps what it had.
     pub fn sample(&mut self, pieces: &Pieces<D>, fluid: &OnMesh<'_, D>, temperature: Option<usize>) {
         let count = pieces.grains();
         self.velocity.resize(count, Vector::zeros());
@@ -277,7 +280,8 @@ pub fn given_at<const D: usize>(points: &Points<D>, fluid: &OnMesh<'_, D>, scala
     })
 }
 
-/// Force (N) and heat (W) that the fluid gives at all points together, by its own fields there; of heat, which is that scalar.
+/// Force (N) and heat (W) that the fluid gives at all points together, by its own fields there; of heat, which is that
+/// scalar.
 pub fn lost<const D: usize>(points: &Points<D>, fluid: &OnMesh<'_, D>, heat: usize) -> (Vector<D>, f64) {
     let force = (0..points.len()).map(|q| force_at(points, fluid, q)).sum();
     (force, (0..points.len()).map(|q| given_at(points, fluid, heat, q)).sum())

@@ -92,7 +92,8 @@ impl<const D: usize> Fluid<D> {
         Ok(fluid)
     }
 
-    /// Gives the solver the mesh where it is, and the accepted fields: nothing of earlier steps influences what follows.
+    /// Gives the solver the mesh where it is, and the accepted fields: nothing of earlier steps influences what
+    /// follows.
     ///
     /// # Errors
     /// The solver cannot use them, or cannot be reached.
@@ -198,8 +199,8 @@ impl<const D: usize> Fluid<D> {
         Ok(())
     }
 
-    /// A place where a cell of the mesh would turn over if the last solution, which was over `dt`, were accepted, if there is one; `grains`
-    /// as in [`Self::accept_around`].
+    /// A place where a cell of the mesh would turn over if the last solution, which was over `dt`, were accepted, if
+    /// there is one; `grains` as in [`Self::accept_around`].
     ///
     /// # Errors
     /// No radius of the droplet fits the volumes.

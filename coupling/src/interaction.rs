@@ -46,12 +46,13 @@ pub struct Interaction<const D: usize> {
     pub force: Vec<Vector<D>>,
     /// Heat from the fluid to each grain, mean over the last step, W; empty without heat.
     pub heat: Vec<f64>,
-    /// Scalars of the fluid, by number, and the values below which contacts may stick; empty where nothing but the contacts
-    /// themselves decides.
+    /// Scalars of the fluid, by number, and the values below which contacts may stick; empty where nothing but the
+    /// contacts themselves decides.
     pub sticks_below: Vec<(usize, f64)>,
     /// Whether the contacts of each grain may stick in the step in hand; empty where all may.
     pub cohesive: Vec<bool>,
-    /// Relative residual to which the fluid solver solves its energy equation: temperatures are known to about this share.
+    /// Relative residual to which the fluid solver solves its energy equation: temperatures are known to about this
+    /// share.
     pub heat_tolerance: f64,
     /// What the fluid still has to give; absent with schemes that move the grains by the force of the law.
     pub carried: Option<Carried<D>>,
@@ -95,7 +96,8 @@ impl<const D: usize> Default for Interaction<D> {
 }
 
 impl<const D: usize> Interaction<D> {
-    /// The exchange of `grains` with a fluid on `mesh`, solved to the default tolerance; `at` is the fluid at the grains in the beginning.
+    /// The exchange of `grains` with a fluid on `mesh`, solved to the default tolerance; `at` is the fluid at the
+    /// grains in the beginning.
     ///
     /// # Errors
     /// A mesh that cannot be searched.
@@ -121,8 +123,8 @@ impl<const D: usize> Interaction<D> {
 }
 
 impl<const D: usize> Interaction<D> {
-    /// Takes a solution of the fluid: the fluid at the grains, force and heat on them by the affine law, and what the fluid
-    /// lost.
+    /// Takes a solution of the fluid: the fluid at the grains, force and heat on them by the affine law, and what the
+    /// fluid lost.
     pub(crate) fn receive(&mut self, fluid: &OnMesh<'_, D>) {
         self.at.sample(&self.load.pieces, fluid, self.load.heat.as_ref().map(|_| HEAT));
         let (load, at) = (&self.load, &self.at);

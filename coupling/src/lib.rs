@@ -1,9 +1,8 @@
 //! Everything between grains and fluid.
 //!
-//! [`Coupled`] holds what a scene has - grains, fluid, or a [`Mixture`] of both - and advances it ([`step`]), a mixture through
-//! a [`scheme`]. The equations are in [`model`]. The seam
-//! is one affine law ([`load::GrainLoad`]) that every scheme fills, and every fluid solver gets as point terms
-//! ([`exchange`]).
+//! [`Coupled`] holds what a scene has - grains, fluid, or a [`Mixture`] of both - and advances it ([`step`]), a mixture
+//! through a [`scheme`]. The equations are in [`model`]. The seam is one affine law ([`load::GrainLoad`]) that every
+//! scheme fills, and every fluid solver gets as point terms ([`exchange`]).
 
 mod agreement;
 mod appearing;

@@ -109,8 +109,8 @@ impl<const D: usize> Mixture<D> {
         Ok(())
     }
 
-    /// What of the grains a droplet has in its water; returns their volume there, m2. What the gas still had to give to grains that are
-    /// wholly there becomes the business of the droplet.
+    /// What of the grains a droplet has in its water; returns their volume there, m2. What the gas still had to give to
+    /// grains that are wholly there becomes the business of the droplet.
     fn cut_by_droplet(&mut self) -> f64 {
         let Interaction { wet, overlap, carried, .. } = &mut self.interaction;
         let Some(droplet) = self.fluid.live_droplet() else {
@@ -181,9 +181,9 @@ impl<const D: usize> Mixture<D> {
         Ok(())
     }
 
-    /// Contacts of a grain stick where scalars of the fluid, as means over its pieces at the last accepted step, are below
-    /// their bounds (vapour in Henry et al., Eq. 18). In the water of a droplet they have the value of its surface. Grains that have left the
-    /// mesh may stick.
+    /// Contacts of a grain stick where scalars of the fluid, as means over its pieces at the last accepted step, are
+    /// below their bounds (vapour in Henry et al., Eq. 18). In the water of a droplet they have the value of its
+    /// surface. Grains that have left the mesh may stick.
     fn find_cohesive(&mut self) {
         let Interaction { load, sticks_below, cohesive, wet, .. } = &mut self.interaction;
         let (pieces, mesh, scalars) = (&load.pieces, &self.fluid.mesh, &self.fluid.accepted.scalars);
@@ -247,8 +247,9 @@ impl<const D: usize> Mixture<D> {
         moved(self.grains.step(dt, &load), start, report);
     }
 
-    /// The same under a forcing of the fluid with implicit drag and heat transfer: the force on a grain is forcing.force - gamma v,
-    /// and its heat forcing.heat - hA T, with the means over the step. Contacts are solved with the mass m + gamma dt.
+    /// The same under a forcing of the fluid with implicit drag and heat transfer: the force on a grain is
+    /// forcing.force - gamma v, and its heat forcing.heat - hA T, with the means over the step. Contacts are solved
+    /// with the mass m + gamma dt.
     ///
     /// # Errors
     /// The laws have not been evaluated.
@@ -268,8 +269,9 @@ impl<const D: usize> Mixture<D> {
         Ok(())
     }
 
-    /// How far a droplet moved in a step of `dt` over the diameter of the smallest grain in its water, and how much of the limit of stability its absorption of
-    /// hot grains takes, both without unit; zero without a droplet, or grains in it.
+    /// How far a droplet moved in a step of `dt` over the diameter of the smallest grain in its water, and how much of
+    /// the limit of stability its absorption of hot grains takes, both without unit; zero without a droplet, or grains
+    /// in it.
     pub(crate) fn droplet_reach(&mut self, dt: f64) -> (f64, f64) {
         let Self { grains, fluid, interaction, .. } = self;
         let (Some(wet), Some(droplet)) = (&interaction.wet, fluid.live_droplet()) else { return (0.0, 0.0) };

@@ -23,8 +23,8 @@ pub(crate) fn at<const D: usize>(place: &Vector<D>) -> String {
 /// What moves the nodes of a mesh. Cells keep their nodes; where they come too far out of shape, a
 /// [`Remesher`](crate::remesh::Remesher) makes others between the nodes of the boundary, which stay.
 ///
-/// A step begins with [`Self::advance`]: equations are solved on the nodes where they then are, with the velocity that brought them
-/// there, so that a fluid at rest stays at rest to rounding (the geometric conservation law).
+/// A step begins with [`Self::advance`]: equations are solved on the nodes where they then are, with the velocity that
+/// brought them there, so that a fluid at rest stays at rest to rounding (the geometric conservation law).
 pub trait MeshMover<const D: usize>: Send {
     /// Puts the nodes where they are at a time, s: at a restart.
     fn place(&self, time: f64, points: &mut [Vector<D>]);
@@ -45,10 +45,11 @@ pub trait MeshMover<const D: usize>: Send {
     fn restore(&mut self, state: &[f64]);
 }
 
-/// A mesh that oscillates: x(t) = x(0) + weight amplitude sin(2 pi frequency t), with a weight of each node between 0 and 1.
+/// A mesh that oscillates: x(t) = x(0) + weight amplitude sin(2 pi frequency t), with a weight of each node between 0
+/// and 1.
 ///
-/// The weight is 1 on the part of the boundary that oscillates, 0 on the others, and harmonic between. Without such a part
-/// only the inside of the mesh oscillates: then the weight solves -lap b = 1, scaled to a largest value of 1.
+/// The weight is 1 on the part of the boundary that oscillates, 0 on the others, and harmonic between. Without such a
+/// part only the inside of the mesh oscillates: then the weight solves -lap b = 1, scaled to a largest value of 1.
 #[derive(Clone, Debug)]
 pub struct Oscillation<const D: usize> {
     /// Places at the time of `origin`.
@@ -64,7 +65,8 @@ pub struct Oscillation<const D: usize> {
 }
 
 impl Oscillation<2> {
-    /// An oscillation of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that moves.
+    /// An oscillation of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that
+    /// moves.
     ///
     /// # Errors
     /// There is no such part.
@@ -86,8 +88,9 @@ impl Oscillation<2> {
         Ok(Self { rest, weight, amplitude, rate, origin: 0.0, velocity: Vec::new() })
     }
 
-    /// Whether one mesh can follow all of the oscillation. The nodes move along straight lines and each cell's measure is a square
-    /// polynomial of sin(2 pi f t): where it is positive at both ends and at its least between them, it always is.
+    /// Whether one mesh can follow all of the oscillation. The nodes move along straight lines and each cell's measure
+    /// is a square polynomial of sin(2 pi f t): where it is positive at both ends and at its least between them, it
+    /// always is.
     ///
     /// # Errors
     /// A cell turns over on the way.
@@ -191,7 +194,8 @@ impl<const D: usize> Coupled<D> {
         self.move_mesh(|motion, time, points| motion.place(time, points));
     }
 
-    /// Moves the nodes by a step of `dt`; where a cell would turn over on the way, or nearly, the domain is remeshed before.
+    /// Moves the nodes by a step of `dt`; where a cell would turn over on the way, or nearly, the domain is remeshed
+    /// before.
     ///
     /// # Errors
     /// A cell turns over also of a new mesh; the nodes are where they were.

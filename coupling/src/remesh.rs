@@ -1,8 +1,8 @@
 //! Remeshing of domains whose mesh has moved far: nodes inside get new places between those of the boundary, and the
 //! fields interpolated.
 //!
-//! The step that follows solves its equations on the new mesh, so that what flows in flows out as before. What interpolation
-//! loses of momentum and heat is of second order in the mesh.
+//! The step that follows solves its equations on the new mesh, so that what flows in flows out as before. What
+//! interpolation loses of momentum and heat is of second order in the mesh.
 
 use crate::overlap::Overlap;
 use crate::{Clock, Coupled, Fluid, Mixture, Result, StepReport};
@@ -35,7 +35,8 @@ pub struct Remesher<const D: usize> {
     when: Remesh,
     /// Lengths that edges should have, by node, m; beside a droplet they are shorter.
     spacing: Vec<f64>,
-    /// The domain without its droplet, if it says how long edges should be: what is finer around a droplet then follows it exactly.
+    /// The domain without its droplet, if it says how long edges should be: what is finer around a droplet then follows
+    /// it exactly.
     domain: Option<Rectangle>,
     /// Step after which the mesh was last made.
     last: u64,

@@ -50,8 +50,9 @@ impl<const D: usize> Coupled<D> {
     /// One step of `dt`: the mesh moves, grains and fluid move, and the domain is remeshed if it is time.
     ///
     /// # Errors
-    /// The fluid solver failed or a grain left the mesh; the state is then that before the step (before the part that failed, where a scheme
-    /// does a step in parts), except that the grains' hints and load columns may be those of the failed step.
+    /// The fluid solver failed or a grain left the mesh; the state is then that before the step (before the part that
+    /// failed, where a scheme does a step in parts), except that the grains' hints and load columns may be those of the
+    /// failed step.
     pub fn step(&mut self, dt: f64) -> Result<StepReport> {
         let mut report = StepReport::default();
         let waiting = self.feed(dt)?;

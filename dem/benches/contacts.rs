@@ -44,7 +44,8 @@ fn show(name: &str, report: &StepReport) {
     );
 }
 
-/// The same step with 100 and with 200 sweeps: their difference is 100 sweeps alone (with a look at the residual every 8).
+/// The same step with 100 and with 200 sweeps: their difference is 100 sweeps alone (with a look at the residual every
+/// 8).
 fn sweeps(c: &mut Criterion, particles: &Particles<2>) {
     let mut walls = sides();
     walls.push(wall("floor", at(0.0, 0.0), at(0.08, 0.0)));

@@ -1,7 +1,7 @@
 //! Symmetric positive definite systems whose entries lie near the diagonal.
 
-/// Solves A x = b in place by Cholesky's method. Row i of `band` holds the entries of the columns i - width .. i. Returns
-/// `false`, with `b` spoilt, if the matrix is not positive definite.
+/// Solves A x = b in place by Cholesky's method. Row i of `band` holds the entries of the columns i - width .. i.
+/// Returns `false`, with `b` spoilt, if the matrix is not positive definite.
 pub(crate) fn solve(band: &mut [f64], width: usize, b: &mut [f64]) -> bool {
     let row = width + 1;
     for i in 0..b.len() {

@@ -67,8 +67,8 @@ impl Bonds {
         }
     }
 
-    /// Counts a normal as a direction of the grain if it differs from those before. In space two normals span a plane; a
-    /// third counts when it leaves the plane of the last two.
+    /// Counts a normal as a direction of the grain if it differs from those before. In space two normals span a plane;
+    /// a third counts when it leaves the plane of the last two.
     fn bind<const D: usize>(&mut self, i: usize, normal: &Vector<D>) {
         let bond = &mut self.bonds[i];
         let normal: [f64; 3] = std::array::from_fn(|a| if a < D { normal[a] } else { 0.0 });

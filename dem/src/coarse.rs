@@ -48,7 +48,8 @@ pub(crate) struct Coarse<const D: usize> {
     marked: bool,
     /// Problems since the last one that was corrected.
     idle: usize,
-    /// Whether the factors belong to the present impulses, and whether to all columns rather than to the impulses alone.
+    /// Whether the factors belong to the present impulses, and whether to all columns rather than to the impulses
+    /// alone.
     fresh: bool,
     wide: bool,
     /// First contact of each grain, and the contacts.
@@ -152,8 +153,9 @@ impl<const D: usize> Coarse<D> {
         self.nodes.reach_far()
     }
 
-    /// Energy that factors of the impulses would take away: a lower bound of the energy of the velocity error, J. Those of
-    /// changes count only in corrections: near the solution they lead out of Coulomb's law and claim what is no error.
+    /// Energy that factors of the impulses would take away: a lower bound of the energy of the velocity error, J. Those
+    /// of changes count only in corrections: near the solution they lead out of Coulomb's law and claim what is no
+    /// error.
     pub fn measure<L: Law>(&mut self, problem: &Problem<D>) -> f64 {
         self.find::<L, 1>(problem)
     }
@@ -175,8 +177,8 @@ impl<const D: usize> Coarse<D> {
         self.fresh = false;
     }
 
-    /// Corrects the impulses and the velocities, if there are factors; `free` sets those without contacts. Factors are those of the
-    /// impulses and of their changes, if these are known and `wide`.
+    /// Corrects the impulses and the velocities, if there are factors; `free` sets those without contacts. Factors are
+    /// those of the impulses and of their changes, if these are known and `wide`.
     pub fn correct<L: Law>(
         &mut self,
         problem: &mut Problem<D>,
@@ -362,7 +364,8 @@ impl<const D: usize> Coarse<D> {
         let (mobility, spin) =
             (bodies.mobility(slot), if bodies.spins() { bodies.spin_mobility(slot) } else { 0.0 });
         let zero = |node: &[Push<D>; F]| node.iter().all(|(p, m)| *m == 0.0 && p.iter().all(|x| *x == 0.0));
-        // Nodes that something is pushed at: where in `pushes`, their numbers, and their places in a cube of coupled nodes.
+        // Nodes that something is pushed at: where in `pushes`, their numbers, and their places in a cube of coupled
+        // nodes.
         let mut live = [(0, 0, 0); NEAR.pow(3)];
         let mut count = 0;
         for (near, _) in pushes.iter().enumerate().filter(|(_, push)| !zero(push)) {

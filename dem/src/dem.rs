@@ -71,6 +71,35 @@ pub struct State<const D: usize> {
     wall_torque: Vec<f64>,
 }
 
+impl<const D: usize> State<D> {
+    /// Checks that all columns are of the same grains and walls, and that contacts and forces are finite.
+    ///
+    /// # Errors
+    /// Names the column that is not.
+    pub fn validate(&self) -> Result<()> {
+        self.particles.validate_lengths()?;
+        let (grains, walls) = (self.particles.len(), self.wall_force.len());
+        let heat = |of: usize| move |count: usize| count == 0 || count == of;
+        let finite = |column: &[f64]| column.iter().all(|x| x.is_finite());
+        let vectors = |column: &[Vector<D>]| column.iter().flatten().all(|x| x.is_finite());
+        let columns = [
+            ("forces on grains", self.contact_force.len() == grains && vectors(&self.contact_force)),
+            ("heat to grains", heat(grains)(self.contact_heat.len()) && finite(&self.contact_heat)),
+            ("forces on walls", vectors(&self.wall_force)),
+            ("heat to walls", heat(walls)(self.wall_heat.len()) && finite(&self.wall_heat)),
+            ("torques on walls", heat(walls)(self.wall_torque.len()) && finite(&self.wall_torque)),
+            ("contacts", self.memory.fits(grains, walls)),
+            ("time", self.time.is_finite()),
+        ];
+        match columns.iter().find(|(_, good)| !good) {
+            Some((name, _)) => {
+                Err(Error::Scene(format!("the state of {grains} grains and {walls} walls has wrong {name}")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
 /// What a grain touches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Partner {
@@ -297,8 +326,8 @@ impl<const D: usize> Dem<D> {
         report
     }
 
-    /// The first grain whose place or velocity, now or after the forces, is not finite, or that would go farther than [`RUNAWAY`]
-    /// radii; and its speed. No search for contacts would end.
+    /// The first grain whose place or velocity, now or after the forces, is not finite, or that would go farther than
+    /// [`RUNAWAY`] radii; and its speed. No search for contacts would end.
     fn runaway(&self, dt: f64, load: &Load<'_, D>) -> Option<(u32, f64)> {
         let (scene, p) = (self.scene(dt, load), &self.particles);
         let squares = |i: usize| [p.velocity[i], scene.free_velocity(i)].map(|v| v.norm_squared());
@@ -378,7 +407,8 @@ impl<const D: usize> Dem<D> {
         }
     }
 
-    /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the impulses.
+    /// Sets the velocities from the impulses (so that they balance to round-off), moves the grains, and keeps the
+    /// impulses.
     fn move_grains(
         &mut self,
         [h, step]: [f64; 2],
@@ -501,7 +531,8 @@ impl<const D: usize> Dem<D> {
         self.saved.contact_heat.clone_from(&self.contact_heat);
     }
 
-    /// Back to the last [`Self::save`]. The impulses stay those of the step on trial: the next one starts warm from them.
+    /// Back to the last [`Self::save`]. The impulses stay those of the step on trial: the next one starts warm from
+    /// them.
     pub fn rewind(&mut self) {
         self.time = self.saved.restore(&mut self.particles, &mut self.memory);
         self.contact_force.clone_from(&self.saved.contact_force);
@@ -591,8 +622,8 @@ impl<const D: usize> Dem<D> {
         })
     }
 
-    /// Lets the next step start from these forces: those of a bed that has settled before. Without them the forces of a bed
-    /// that is at rest are sought from nothing, and it gives way a little meanwhile.
+    /// Lets the next step start from these forces: those of a bed that has settled before. Without them the forces of a
+    /// bed that is at rest are sought from nothing, and it gives way a little meanwhile.
     pub fn start_from(&mut self, forces: &[ContactForce<D>]) {
         // Impulses of a step of one second; the next one takes its part.
         let records = || {
@@ -645,7 +676,11 @@ impl<const D: usize> Dem<D> {
     }
 
     /// Continues from a state of the same scene, bit for bit as if it had not stopped.
+    ///
+    /// # Errors
+    /// Those of [`State::validate`], values that no grain has, forces of other walls.
     pub fn restore(&mut self, state: State<D>) -> Result<()> {
+        state.validate()?;
         state.particles.validate(&self.materials)?;
         let n = state.particles.len();
         if state.contact_force.len() != n || state.wall_force.len() != self.walls.len() {

@@ -312,8 +312,8 @@ mod tests {
 
     /// Flux through R rows of a lattice of unit spacing and unit conductance H along the rows under a unit gradient.
     ///
-    /// Square: H per row, so k = H per unit height. Triangular: H per row and, between two rows, one of the two diagonals
-    /// over half a spacing, H / 2; with rows sqrt(3)/2 apart k = (1 + 1/2) H / (sqrt(3)/2) = sqrt(3) H.
+    /// Square: H per row, so k = H per unit height. Triangular: H per row and, between two rows, one of the two
+    /// diagonals over half a spacing, H / 2; with rows sqrt(3)/2 apart k = (1 + 1/2) H / (sqrt(3)/2) = sqrt(3) H.
     fn lattice_flux(rows: usize, triangular: bool) -> f64 {
         let columns = 12;
         let at = |row: usize, column: usize| row * columns + column;

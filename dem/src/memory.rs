@@ -72,6 +72,28 @@ impl<const D: usize> Memory<D> {
         (Vector::zeros(), 0.0, 0.0)
     }
 
+    /// Whether these can be the contacts of so many grains and walls.
+    pub fn fits(&self, grains: usize, walls: usize) -> bool {
+        let count = self.partner.len();
+        let starts = match (self.starts.first(), self.starts.last()) {
+            (Some(&first), Some(&last)) => {
+                self.starts.len() == grains + 1 && (first, last as usize) == (0, count)
+            }
+            _ => count == 0,
+        };
+        let partner = |&j: &u32| match j & WALL {
+            0 => (j as usize) < grains,
+            _ => ((j ^ WALL) as usize) < walls,
+        };
+        starts
+            && self.starts.is_sorted()
+            && self.partner.iter().all(partner)
+            && self.impulse.len() == count
+            && [0, count].contains(&self.age.len())
+            && self.h.is_finite()
+            && self.impulse.iter().flatten().chain(&self.age).all(|x| x.is_finite())
+    }
+
     /// All contacts by the numbers of their grains.
     pub fn records(&self) -> impl Iterator<Item = Record<D>> + '_ {
         self.starts.windows(2).zip(0..).flat_map(move |(ends, i)| {
@@ -200,5 +222,33 @@ mod tests {
         assert_eq!(memory.find(0, 1), (p * 3.0, 1.0, 0.1));
         assert_eq!(memory.find(2, 4), (Vector::zeros(), 0.0, 0.0));
         assert_eq!(memory.find(9, 14), (Vector::zeros(), 0.0, 0.0));
+    }
+
+    #[test]
+    fn contacts_fit_their_grains_and_walls_or_are_refused() {
+        let good = {
+            let mut memory = Memory::<2>::default();
+            let record = |j| Record { i: 0, j, impulse: Vector::<2>::new(1.0, 2.0), age: 0.5 };
+            memory.store(2, 1e-3, true, || [record(1), record(WALL)].into_iter());
+            memory
+        };
+        assert!(good.fits(2, 1) && Memory::<2>::default().fits(7, 0));
+        assert!(!good.fits(3, 1) && !good.fits(1, 1) && !good.fits(2, 0));
+        type Forge = fn(&mut Memory<2>);
+        let forge: [Forge; 8] = [
+            |m| m.partner[0] = 2,
+            |m| m.partner[1] = WALL + 1,
+            |m| m.starts[1] = 9,
+            |m| m.starts[2] = 1,
+            |m| _ = m.impulse.pop(),
+            |m| _ = m.age.pop(),
+            |m| m.impulse[0][1] = f64::NAN,
+            |m| m.h = f64::INFINITY,
+        ];
+        for (k, forge) in forge.iter().enumerate() {
+            let mut bad = good.clone();
+            forge(&mut bad);
+            assert!(!bad.fits(2, 1), "{k}");
+        }
     }
 }

@@ -5,7 +5,8 @@
 /// Nesterov's sequence t' = (1 + sqrt(1 + 4 t^2)) / 2, beta = (t - 1) / t', which turns the O(height^2) sweeps of
 /// Gauss-Seidel into O(height). It restarts when the last change points back against the step (O'Donoghue and Candes
 /// 2015). That is theory for symmetric problems; with friction and rotation a sweep has complex modes, which a
-/// large beta amplifies: when the change has grown by `GROWTH` over its smallest value, beta stays below what it was there.
+/// large beta amplifies: when the change has grown by `GROWTH` over its smallest value, beta stays below what it was
+/// there.
 pub(crate) struct Momentum {
     t: f64,
     pub beta: f64,

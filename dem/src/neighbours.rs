@@ -6,12 +6,13 @@
 //! the sum of their levels.
 //!
 //! Tiles are blocks of cells, at least three wide, of the level up to which almost all grains live. A contact belongs
-//! to the tile of its first grain and reaches at most one cell out of it, so two tiles of one colour (2^D colours) never
-//! share a grain and can be swept in parallel with the same result as one after the other.
+//! to the tile of its first grain and reaches at most one cell out of it, so two tiles of one colour (2^D colours)
+//! never share a grain and can be swept in parallel with the same result as one after the other.
 //!
-//! The few grains on coarser levels are wide: their contacts make one more tile with a colour of its own, and each of them
-//! is a zone of velocities by itself, beside those that are the cells of tiles. So a heavy disc on a bed of fine grains
-//! neither makes the tiles of the bed as wide as itself, nor lets all of the bed look for contacts as far as it falls.
+//! The few grains on coarser levels are wide: their contacts make one more tile with a colour of its own, and each of
+//! them is a zone of velocities by itself, beside those that are the cells of tiles. So a heavy disc on a bed of fine
+//! grains neither makes the tiles of the bed as wide as itself, nor lets all of the bed look for contacts as far as it
+//! falls.
 //!
 //! The cells of a level are numbered block by block, so that the grains of a tile lie together in memory.
 //!
@@ -418,7 +419,8 @@ impl<const D: usize> Grid<D> {
         }
     }
 
-    /// Calls `f` for the slots of a cell, with each other and with those around it on its level and coarser ones up to `most`.
+    /// Calls `f` for the slots of a cell, with each other and with those around it on its level and coarser ones up to
+    /// `most`.
     fn each_pair(
         &self,
         level: usize,

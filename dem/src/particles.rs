@@ -286,9 +286,10 @@ impl<const D: usize> Particles<D> {
         Ok(())
     }
 
-    fn validate_lengths(&self) -> Result<()> {
+    pub(crate) fn validate_lengths(&self) -> Result<()> {
         let n = self.len();
         let mut columns = vec![
+            ("id", self.id.len()),
             ("velocity", self.velocity.len()),
             ("radius", self.radius.len()),
             ("mass", self.mass.len()),

@@ -56,8 +56,8 @@ impl<const D: usize> Moved<'_, D> {
         (p.radius[i] + p.radius[j] - nearest) / p.radius[i].min(p.radius[j])
     }
 
-    /// Measured from the side of the wall that the centre was on at the start: a centre that has crossed the wall is a radius
-    /// and more deep, however far it has gone.
+    /// Measured from the side of the wall that the centre was on at the start: a centre that has crossed the wall is a
+    /// radius and more deep, however far it has gone.
     fn with_wall(&self, i: usize, wall: &Placed<D>) -> f64 {
         let moved = wall.after(self.h);
         let (radius, end) =

@@ -63,8 +63,8 @@ impl<const D: usize> Scene<'_, D> {
         energy(grain_of, bodies, |i, v| (v - self.free_velocity(i)).norm_squared())
     }
 
-    /// Energy of the changes of the velocities since the start of the sub-step, J, each grain's no larger than that of what
-    /// its contacts have changed: what falls freely has no part in the errors of contacts.
+    /// Energy of the changes of the velocities since the start of the sub-step, J, each grain's no larger than that of
+    /// what its contacts have changed: what falls freely has no part in the errors of contacts.
     pub fn changed(&self, grain_of: &[u32], bodies: &Bodies<D>) -> f64 {
         energy(grain_of, bodies, |i, v| {
             let (before, free) = (self.particles.velocity[i], self.free_velocity(i));
@@ -95,8 +95,8 @@ impl<const D: usize> Scene<'_, D> {
         velocity.norm_squared() <= most && surface * surface <= most
     }
 
-    /// Marks the bodies that contacts push and that do not rest. Returns the share that they have of the energy that forces
-    /// bring to all.
+    /// Marks the bodies that contacts push and that do not rest. Returns the share that they have of the energy that
+    /// forces bring to all.
     pub fn mark_moving(&self, grain_of: &[u32], bodies: &Bodies<D>, moving: &mut Vec<bool>) -> f64 {
         moving.resize(grain_of.len(), false);
         parallel::each_chunk(moving, &|first, marks| {

@@ -312,8 +312,8 @@ impl<const D: usize> Search<D> {
         })
     }
 
-    /// Whether grain i, no wide one, at a velocity that the search did not expect, ends the sub-step without overlap with anything
-    /// that was beyond the skin at its start. (What was nearer has a contact.)
+    /// Whether grain i, no wide one, at a velocity that the search did not expect, ends the sub-step without overlap
+    /// with anything that was beyond the skin at its start. (What was nearer has a contact.)
     fn runs_free(&self, scene: &Scene<D>, problem: &Problem<D>, i: usize, v: &Vector<D>) -> bool {
         let p = scene.particles;
         let (x, r) = (p.position[i], p.radius[i]);

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 pub struct Cohesion {
     /// Adhesive force F_c0 of a contact, N (N/m, per metre of depth, in the plane).
     pub force: f64,
-    /// Time that a contact must have lasted before it sticks, s. Default 0: it sticks from the sub-step after that in which it
-    /// formed.
+    /// Time that a contact must have lasted before it sticks, s. Default 0: it sticks from the sub-step after that in
+    /// which it formed.
     #[serde(default)]
     pub age: f64,
 }
@@ -52,9 +52,9 @@ pub struct Settings<const D: usize> {
     pub max_substeps: usize,
     /// Acceleration of the sweeps.
     pub acceleration: Acceleration,
-    /// Whether contacts must keep from closing beyond their gaps, beside the tolerance, and go to an interior-point method if
-    /// `max_sweeps` do not bring that: grains whose masses lie far apart, strong friction. Impulses are not corrected over
-    /// long distances then.
+    /// Whether contacts must keep from closing beyond their gaps, beside the tolerance, and go to an interior-point
+    /// method if `max_sweeps` do not bring that: grains whose masses lie far apart, strong friction. Impulses are not
+    /// corrected over long distances then.
     pub interior: bool,
     /// Heat through contacts; none: grains exchange no heat among themselves.
     pub conduction: Option<Conduction>,
@@ -118,9 +118,10 @@ const RESTS: f64 = 1e-2;
 const UNTOLD: f64 = 3.0;
 
 impl<const D: usize> Settings<D> {
-    /// Share of the velocity that forces bring to a grain in a sub-step and contacts take of it, below which what is left counts
-    /// as zero: the grain rests. It moves again once more than this share of the forces on it is not balanced: 1e-3 with the
-    /// default tolerance. A bed at rest would creep with the error of its contacts for ever otherwise.
+    /// Share of the velocity that forces bring to a grain in a sub-step and contacts take of it, below which what is
+    /// left counts as zero: the grain rests. It moves again once more than this share of the forces on it is not
+    /// balanced: 1e-3 with the default tolerance. A bed at rest would creep with the error of its contacts for ever
+    /// otherwise.
     pub fn rest(&self) -> f64 {
         (RESTS * self.tolerance * REST).sqrt()
     }
@@ -217,7 +218,8 @@ pub struct StepReport {
     pub max_penetration_over_radius: f64,
     /// The grain that overlaps so, and what it overlaps; `None` where nothing overlaps.
     pub deepest: Option<(u32, Partner)>,
-    /// Whether every sub-step reached the tolerance, in momentum and in heat, and there were as many as grains so fast need.
+    /// Whether every sub-step reached the tolerance, in momentum and in heat, and there were as many as grains so fast
+    /// need.
     pub converged: bool,
     /// Sub-steps repeated because a grain became faster than the search for its contacts had assumed.
     pub repeats: usize,
@@ -230,7 +232,8 @@ pub struct StepReport {
 }
 
 impl StepReport {
-    /// This part of a step after another one: the worse of both in what contacts should bring, the rest as of this part.
+    /// This part of a step after another one: the worse of both in what contacts should bring, the rest as of this
+    /// part.
     pub fn after(self, first: Option<&Self>) -> Self {
         let Some(first) = first else { return self };
         let deeper = first.max_penetration_over_radius > self.max_penetration_over_radius;

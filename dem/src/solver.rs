@@ -1,15 +1,15 @@
 //! Nonlinear Gauss-Seidel over coloured tiles: sweep, residual, stopping.
 //!
-//! A solve is a series of runs of sweeps with momentum over the tiles that have something left to do ([`awake`]). After each
-//! run the kinetic energy of the velocity error is estimated: what varies from grain to grain by the natural map, what is
-//! smooth by the energy that corrections over long distances would take away ([`Coarse`]), and what neither sees by how
-//! sweeps still change the velocities ([`trend`]). The problem is solved when that energy is below a share of the energy of
-//! what the sub-step changes of the velocities (at rest, of a part of the energy that the contacts have to do with), and no
-//! contact closes so fast that it would become an overlap that matters. Between runs the corrections are made: the number of
-//! sweeps then hardly depends on the height of a stack.
+//! A solve is a series of runs of sweeps with momentum over the tiles that have something left to do ([`awake`]). After
+//! each run the kinetic energy of the velocity error is estimated: what varies from grain to grain by the natural map,
+//! what is smooth by the energy that corrections over long distances would take away ([`Coarse`]), and what neither
+//! sees by how sweeps still change the velocities ([`trend`]). The problem is solved when that energy is below a share
+//! of the energy of what the sub-step changes of the velocities (at rest, of a part of the energy that the contacts
+//! have to do with), and no contact closes so fast that it would become an overlap that matters. Between runs the
+//! corrections are made: the number of sweeps then hardly depends on the height of a stack.
 //!
-//! **What was compared.** Stacks of N discs, and random beds of 8,000 to 40,000 discs with friction, from a cold start. The
-//! column of the bed has the energy of the velocity error, over that of a free fall, after so many sweeps:
+//! **What was compared.** Stacks of N discs, and random beds of 8,000 to 40,000 discs with friction, from a cold start.
+//! The column of the bed has the energy of the velocity error, over that of a free fall, after so many sweeps:
 //!
 //! | method | stacks | bed of 400 rows |
 //! |---|---|---|
@@ -21,13 +21,13 @@
 //! | semi-smooth Newton with a stiff penalty | a few steps | line search takes steps of 0.01 |
 //! | interior points with a sparse Cholesky factor | 14 factors for 100 rows | more than 45 factors of a second each |
 //!
-//! **Sub-steps** are those of all grains, although often only some grains fly. Tried in a bed of 97,000 discs of which a few
-//! hundred fly: one step of all, and sub-steps only within four contacts of those that fly. The one step costs more than the
-//! four sub-steps do (350 to 1,000 sweeps, where four times 40 to 70 suffice), because what a bed in motion changes of its
-//! contacts grows with the square of the step.
+//! **Sub-steps** are those of all grains, although often only some grains fly. Tried in a bed of 97,000 discs of which
+//! a few hundred fly: one step of all, and sub-steps only within four contacts of those that fly. The one step costs
+//! more than the four sub-steps do (350 to 1,000 sweeps, where four times 40 to 70 suffice), because what a bed in
+//! motion changes of its contacts grows with the square of the step.
 //!
-//! All sums run over one binary tree of tiles that depends on their number only, and tiles of one colour share no grain:
-//! the result is the same bit for bit on any number of threads, and without threads.
+//! All sums run over one binary tree of tiles that depends on their number only, and tiles of one colour share no
+//! grain: the result is the same bit for bit on any number of threads, and without threads.
 
 use crate::bodies::Bodies;
 use crate::coarse::Coarse;
@@ -116,8 +116,8 @@ pub(crate) struct Stopping {
 
 /// What the problem does not hold of its grains.
 pub(crate) struct Grains<'a, const D: usize> {
-    /// Sets the velocities without contacts. (Taking impulses back from velocities would leave nothing of them where sweeps
-    /// have diverged.)
+    /// Sets the velocities without contacts. (Taking impulses back from velocities would leave nothing of them where
+    /// sweeps have diverged.)
     pub free: &'a dyn Fn(&Bodies<D>),
     /// Energy of what the contacts have changed, J.
     pub pushed: &'a dyn Fn(&Bodies<D>) -> f64,
@@ -140,8 +140,8 @@ pub(crate) struct Outcome {
     pub error: f64,
     /// Energy of the changes of the velocities in the sub-step over the same.
     changed: f64,
-    /// Energy of the error, of what is smooth of it where that was measured, what may be left of it, and what may be when it has
-    /// settled, J.
+    /// Energy of the error, of what is smooth of it where that was measured, what may be left of it, and what may be
+    /// when it has settled, J.
     energy: f64,
     smooth: f64,
     goal: f64,
@@ -169,7 +169,8 @@ impl Outcome {
 struct Look {
     /// Relative natural map.
     residual: f64,
-    /// Energy that solving each contact by itself would take away, J: the part of the error that varies from grain to grain.
+    /// Energy that solving each contact by itself would take away, J: the part of the error that varies from grain to
+    /// grain.
     rough: f64,
     /// Sum of |violation| |impulse|, J.
     bound: f64,
@@ -187,7 +188,8 @@ const STICKS: f64 = 1.0 - 1e-9;
 /// Share of its cohesion that rounding may leave of what a contact presses with that gives way.
 const ROUNDING: f64 = 1e-12;
 
-/// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten nanoseconds.
+/// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten
+/// nanoseconds.
 pub(crate) const FORK: usize = 10_000;
 /// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the
 /// difference that a sweep makes up.
@@ -329,7 +331,8 @@ impl<const D: usize> Problem<D> {
         over_colours(tiles, &mut self.contacts, &mut self.awake.last, fork, tile)
     }
 
-    /// What the natural map r of the present impulses and velocities says; r / rho is the speed by which a contact is violated.
+    /// What the natural map r of the present impulses and velocities says; r / rho is the speed by which a contact is
+    /// violated.
     fn look<L: Law>(&mut self) -> Look {
         let (bodies, cohesion, radius, rolling) = (&self.bodies, &self.cohesion, &self.radius, &self.rolling);
         let count = self.tiles.len();
@@ -487,8 +490,8 @@ impl<const D: usize> Problem<D> {
 
 /// Rho, kg, and the squares of the natural map and of the impulse with it.
 ///
-/// rho = 1/w_n between equals, half of the heavier mass otherwise: with 1/w_n, near the lighter mass, a heavy lid that falls
-/// freely on light grains would look solved.
+/// rho = 1/w_n between equals, half of the heavier mass otherwise: with 1/w_n, near the lighter mass, a heavy lid that
+/// falls freely on light grains would look solved.
 #[inline(always)]
 fn natural_map<L: Law, const D: usize>(
     bodies: &Bodies<D>,
@@ -524,8 +527,8 @@ fn relative<L: Law, const D: usize>(bodies: &Bodies<D>, c: &Contact<D>) -> Vecto
     if L::SPIN { bodies.relative::<true>(i, j, &c.normal) } else { bodies.relative::<false>(i, j, &c.normal) }
 }
 
-/// Solves one contact exactly from the impulse `start`, with friction up to `bound` if that lags, moves its two bodies, and
-/// returns the change.
+/// Solves one contact exactly from the impulse `start`, with friction up to `bound` if that lags, moves its two bodies,
+/// and returns the change.
 #[inline(always)]
 fn relax<L: Law, const D: usize>(
     bodies: &Bodies<D>,

@@ -1,11 +1,11 @@
 //! How far apart two grains may be and still meet within one sub-step.
 //!
-//! Two grains meet only if their relative velocity closes their gap. Each zone of the grid (a cell, or a grain wider than
-//! cells) knows the box of the velocities in it (before and after the forces act, and those of walls); `near` is the union
-//! with its neighbours. As long as every final velocity lies in the `near` box of its zone, two grains of neighbouring zones
-//! differ by at most the diagonal of the union of `near` around either: that times the sub-step, with a skin, is the
-//! range of detection. Velocities in common (a falling bed) cost nothing. The final velocities are checked;
-//! a grain thrown out of its box repeats the sub-step with the box widened, so no contact is missed.
+//! Two grains meet only if their relative velocity closes their gap. Each zone of the grid (a cell, or a grain wider
+//! than cells) knows the box of the velocities in it (before and after the forces act, and those of walls); `near` is
+//! the union with its neighbours. As long as every final velocity lies in the `near` box of its zone, two grains of
+//! neighbouring zones differ by at most the diagonal of the union of `near` around either: that times the sub-step,
+//! with a skin, is the range of detection. Velocities in common (a falling bed) cost nothing. The final velocities are
+//! checked; a grain thrown out of its box repeats the sub-step with the box widened, so no contact is missed.
 
 use crate::neighbours::Grid;
 use crate::space::Vector;

@@ -142,10 +142,10 @@ impl<const K: usize> KeptRows<K> {
 }
 
 impl System<1> {
-    /// Adds d_ij = max(a_ij, a_ji, 0) to the diagonal entries of i and j and takes it from a_ij and a_ji, for all pairs: discrete
-    /// upwinding (D. Kuzmin and S. Turek, "Flux correction tools for finite elements", J. Comput. Phys. 175 (2002)). Sums of rows and
-    /// columns stay. A matrix whose rows sum to no less than zero then is an M-matrix: its solution lies within the bounds of
-    /// what stands on the right.
+    /// Adds d_ij = max(a_ij, a_ji, 0) to the diagonal entries of i and j and takes it from a_ij and a_ji, for all
+    /// pairs: discrete upwinding (D. Kuzmin and S. Turek, "Flux correction tools for finite elements", J. Comput. Phys.
+    /// 175 (2002)). Sums of rows and columns stay. A matrix whose rows sum to no less than zero then is an M-matrix:
+    /// its solution lies within the bounds of what stands on the right.
     pub fn upwind(&mut self) {
         let pattern = self.matrix.pattern.clone();
         for row in 0..pattern.nodes() {

@@ -1,8 +1,8 @@
 //! What passes each named part of the boundary in a step, from the discrete equations themselves.
 //!
 //! Where a condition takes the place of an equation, what the boundary does to the fluid is the reaction A x - b of the
-//! equation that it replaced; elsewhere it is the boundary integral that was assembled. So the sums over the parts close the
-//! balances of the step to the residual of the linear solver, whatever the mesh:
+//! equation that it replaced; elsewhere it is the boundary integral that was assembled. So the sums over the parts
+//! close the balances of the step to the residual of the linear solver, whatever the mesh:
 //!
 //! ```text
 //! sum of flux = 0                                                  (less sources of mass)
@@ -21,16 +21,17 @@ use serde::{Deserialize, Serialize};
 /// What passes one part of the boundary.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Balance<const D: usize> {
-    /// Volume that leaves through the part, m3/s (m2/s in the plane): of fluid where it is open or a velocity is prescribed, of
-    /// the whole mixture where a wall moves.
+    /// Volume that leaves through the part, m3/s (m2/s in the plane): of fluid where it is open or a velocity is
+    /// prescribed, of the whole mixture where a wall moves.
     pub flux: f64,
-    /// Force of the fluid on the part, N (N/m in the plane); of an open part with the momentum that entering fluid takes up.
+    /// Force of the fluid on the part, N (N/m in the plane); of an open part with the momentum that entering fluid
+    /// takes up.
     pub force: Vector<D>,
-    /// What the part gives to the fluid of each scalar by conduction, transfer and the value of entering fluid, W for heat
-    /// (W/m in the plane).
+    /// What the part gives to the fluid of each scalar by conduction, transfer and the value of entering fluid, W for
+    /// heat (W/m in the plane).
     pub scalars: Vec<f64>,
-    /// What the fluid carries out through the part of each scalar, capacity times value times flux, W for heat (W/m in the
-    /// plane).
+    /// What the fluid carries out through the part of each scalar, capacity times value times flux, W for heat (W/m in
+    /// the plane).
     pub convected: Vec<f64>,
 }
 
@@ -122,7 +123,8 @@ pub(crate) const NOBODY: u32 = u32::MAX;
 pub(crate) struct Owners<const D: usize> {
     /// The last condition that fixes each node.
     pub fixed: Vec<u32>,
-    /// Nodes that slide along walls: node, condition, and the sum of normals times measure of its facets there; in the order of nodes.
+    /// Nodes that slide along walls: node, condition, and the sum of normals times measure of its facets there; in the
+    /// order of nodes.
     sliding: Vec<(u32, u32, Vector<D>)>,
 }
 
@@ -159,8 +161,8 @@ impl<const D: usize> Owners<D> {
         });
     }
 
-    /// Adds the force of a node, N, to the balances of those that hold it: that of a corner between walls to slide along is
-    /// resolved into their normals, by least squares where these are alike.
+    /// Adds the force of a node, N, to the balances of those that hold it: that of a corner between walls to slide
+    /// along is resolved into their normals, by least squares where these are alike.
     pub fn share_force(&self, node: usize, force: Vector<D>, out: &mut [Balance<D>]) {
         if self.fixed[node] != NOBODY {
             out[self.fixed[node] as usize].force += force;

@@ -1,14 +1,16 @@
-//! Bodies in the fluid: a closed part of the boundary that moves as a rigid body, grows or shrinks, and lets vapour out.
+//! Bodies in the fluid: a closed part of the boundary that moves as a rigid body, grows or shrinks, and lets vapour
+//! out.
 //!
-//! The surface of a body moves with w = U + rdot s, where s is the place of a node beside the centre over the radius. Fluid leaves the
-//! surface with the superficial velocity j, the same on all of it, so that the velocity held at a node is
+//! The surface of a body moves with w = U + rdot s, where s is the place of a node beside the centre over the radius.
+//! Fluid leaves the surface with the superficial velocity j, the same on all of it, so that the velocity held at a node
+//! is
 //!
 //! ```text
 //! u = U + k,    k = rdot s + (j / eps) s/|s|
 //! ```
 //!
-//! **Mass.** What passes a facet goes into the equation of mass as it is known, not by the velocities of the nodes, so that the volume of
-//! vapour is exact whatever the voidage (n points out of the fluid, into the body):
+//! **Mass.** What passes a facet goes into the equation of mass as it is known, not by the velocities of the nodes, so
+//! that the volume of vapour is exact whatever the voidage (n points out of the fluid, into the body):
 //!
 //! ```text
 //! <<eps w . n, q>> + sum over chords of solid v . n q - j <<1, q>>
@@ -23,15 +25,17 @@
 //! the prescribed temperature took their places, or, if
 //! [`HeatFlux`] says so, the integral -<<eps K grad T . n, 1>> of the gradients in the cells at the surface.
 //!
-//! **Motion.** The force of the fluid is the reaction F = -sum over its nodes of (K x - b) of the momentum rows. It is affine in U: with
-//! x_0 the solution at U = 0 and X_i those of a unit velocity along axis i without any other data, on one matrix,
+//! **Motion.** The force of the fluid is the reaction F = -sum over its nodes of (K x - b) of the momentum rows. It is
+//! affine in U: with x_0 the solution at U = 0 and X_i those of a unit velocity along axis i without any other data, on
+//! one matrix,
 //!
 //! ```text
 //! x = x_0 + sum U_i X_i,    F = F_0 + F_X U,    (A - F_X) U = B + F_0
 //! ```
 //!
-//! where A U = B + F is the equation of motion of the body. So the velocity is found with the fluid, and a body as light as
-//! it likes is stable. The symmetric part of -F_X is positive definite without convection: it is the work of the drag.
+//! where A U = B + F is the equation of motion of the body. So the velocity is found with the fluid, and a body as
+//! light as it likes is stable. The symmetric part of -F_X is positive definite without convection: it is the work of
+//! the drag.
 
 use crate::assembly::{KeptRows, System};
 use crate::balance::Balance;
@@ -44,7 +48,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// Voidage below which the velocity of what leaves the surface no longer grows. The volume that leaves is exact all the same.
+/// Voidage below which the velocity of what leaves the surface no longer grows. The volume that leaves is exact all the
+/// same.
 const LEAST_VOIDAGE: f64 = 0.05;
 
 /// What a body is in a step.
@@ -62,8 +67,8 @@ pub struct Body<const D: usize> {
     pub evaporation: Option<Evaporation>,
     /// What the velocity of its vapour is.
     pub blowing: Blowing,
-    /// Solid that passes the surface into the body, as it acts in the equation of mass, sum of chord v . n q: a number for every node of
-    /// every facet, in their order, m3/s (m2/s in the plane). Empty without grains.
+    /// Solid that passes the surface into the body, as it acts in the equation of mass, sum of chord v . n q: a number
+    /// for every node of every facet, in their order, m3/s (m2/s in the plane). Empty without grains.
     pub solid: Vec<f64>,
 }
 
@@ -240,7 +245,8 @@ impl<const D: usize> Bodies<D> {
                 through.net += volume;
                 through.gross += volume.abs();
             });
-            // What a moving body pushes ahead of it and draws in behind leaves rounding errors in the net, at U = 0 too.
+            // What a moving body pushes ahead of it and draws in behind leaves rounding errors in the net, at U = 0
+            // too.
             for nodes in facets(&geometry.mesh, &conditions[surface.condition].boundary) {
                 let speed = geometry.velocity_of(nodes[0] as usize).norm();
                 through.gross += Facet::new(&geometry.mesh, nodes).measure * speed;
@@ -255,9 +261,9 @@ impl<const D: usize> Bodies<D> {
         }
     }
 
-    /// Finds the velocities of the free bodies and adds their part to `x`, which holds x_0. `solve(rhs, X)` solves on the matrix of
-    /// the step; `held` is the condition that fixes each node, `kept` has the equations of the nodes before they were fixed; in a `closed` domain the
-    /// pressure of the first node is held.
+    /// Finds the velocities of the free bodies and adds their part to `x`, which holds x_0. `solve(rhs, X)` solves on
+    /// the matrix of the step; `held` is the condition that fixes each node, `kept` has the equations of the nodes
+    /// before they were fixed; in a `closed` domain the pressure of the first node is held.
     pub fn release<const B: usize>(
         &mut self,
         (geometry, conditions, voidage): (&Geometry<D, B>, &[Condition<D>], &[f64]),
@@ -348,7 +354,8 @@ impl<const D: usize> Bodies<D> {
         Ok(())
     }
 
-    /// Puts what passed the surfaces into the balances of their parts; `value(k, node)` is the capacity of scalar `k` times its value.
+    /// Puts what passed the surfaces into the balances of their parts; `value(k, node)` is the capacity of scalar `k`
+    /// times its value.
     pub fn balance<const B: usize>(
         &self,
         geometry: &Geometry<D, B>,

@@ -209,10 +209,11 @@ fn constrain_normals<const D: usize, const B: usize>(
     }
 }
 
-/// In a closed domain nothing sets the level of the pressure, and the equations of mass add up to a condition on what is
-/// prescribed: what passes `through` the boundary, and sources. What the right-hand sides lack of it, round-off and the error of sums for integrals, is
-/// spread evenly over the domain as by a Lagrange multiplier of the mean pressure. The equation of the first node then follows from the
-/// others, and its pressure can be held in its place (the caller moves the mean to zero).
+/// In a closed domain nothing sets the level of the pressure, and the equations of mass add up to a condition on what
+/// is prescribed: what passes `through` the boundary, and sources. What the right-hand sides lack of it, round-off and
+/// the error of sums for integrals, is spread evenly over the domain as by a Lagrange multiplier of the mean pressure.
+/// The equation of the first node then follows from the others, and its pressure can be held in its place (the caller
+/// moves the mean to zero).
 ///
 /// # Errors
 /// The velocities prescribed do not balance.
@@ -242,7 +243,8 @@ pub(crate) fn spread<const D: usize, const B: usize>(geometry: &Geometry<D, B>, 
 }
 
 /// Adds to the equation of scalar `k` what its boundaries exchange, <<h s, S>> = <<h s_out, S>>, and the inflow term of
-/// boundaries through which fluid may enter, -<<eps C min(wind . n, 0) (s - s_out), S>>; `wind` is u_n - u_mesh at a node.
+/// boundaries through which fluid may enter, -<<eps C min(wind . n, 0) (s - s_out), S>>; `wind` is u_n - u_mesh at a
+/// node.
 pub fn add_scalar<const D: usize>(
     mesh: &Mesh<D>,
     conditions: &[Condition<D>],

@@ -5,8 +5,8 @@ use crate::geometry::Geometry;
 use crate::linear::{Options, Solver};
 use crate::{Mesh, Result};
 
-/// The solution of -lap b = `source` (1/m2) with b = `held(node)` where there is such a value and no flux through the rest
-/// of the boundary; `B` is `D + 1`.
+/// The solution of -lap b = `source` (1/m2) with b = `held(node)` where there is such a value and no flux through the
+/// rest of the boundary; `B` is `D + 1`.
 ///
 /// # Errors
 /// Flat cells, nothing that is held.

@@ -1,9 +1,9 @@
 //! Point terms: what is immersed in the fluid, as the fluid sees it.
 //!
-//! A point lies in a cell and acts on the fluid there. It has a volume V, a drag coefficient gamma and the affine law of the
-//! velocity that it will have, `v* = b + a (gamma u - V grad p)`, with u and grad p at its place. A scalar s of the fluid
-//! that it exchanges has a coefficient h and the law `s* = c + a h s`. The fluid knows no more: which points make up a
-//! body, and why its law is as it is, is the business of the caller.
+//! A point lies in a cell and acts on the fluid there. It has a volume V, a drag coefficient gamma and the affine law
+//! of the velocity that it will have, `v* = b + a (gamma u - V grad p)`, with u and grad p at its place. A scalar s of
+//! the fluid that it exchanges has a coefficient h and the law `s* = c + a h s`. The fluid knows no more: which points
+//! make up a body, and why its law is as it is, is the business of the caller.
 
 use crate::Vector;
 use crate::flow::State;

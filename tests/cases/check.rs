@@ -1,4 +1,5 @@
-//! `voidage check`: it builds what a run builds, prints sizes, and says what is unusual; each mistake of units was once passed over.
+//! `voidage check`: it builds what a run builds, prints sizes, and says what is unusual; each mistake of units was once
+//! passed over.
 
 use assert_cmd::Command;
 use std::fs;

@@ -1,4 +1,5 @@
-//! The folder of a run has one run: nothing is lost, nothing mixed, whatever ends a run; and runs that go on from a checkpoint.
+//! The folder of a run has one run: nothing is lost, nothing mixed, whatever ends a run; and runs that go on from a
+//! checkpoint.
 
 use assert_cmd::Command;
 use std::fs;
@@ -89,7 +90,8 @@ fn times(folder: &Path, out: &str) -> Vec<f64> {
 
 const SHORT: [&str; 4] = ["--out", "out", "--set", "time.end=0.01"];
 
-/// A second run overwrote the first without a word, and left its checkpoint, frames and pictures as if they were its own.
+/// A second run overwrote the first without a word, and left its checkpoint, frames and pictures as if they were its
+/// own.
 #[test]
 fn a_second_run_is_refused_and_one_that_overwrites_leaves_nothing_of_the_first() {
     let folder = folder();

@@ -414,8 +414,8 @@ fn a_run_records_contacts_and_draws_force_chains() {
 
 // ------------------------------------------------------------------------------------------------ walls
 
-/// Takes a step of 1 ms, and returns what the change of the momentum of the grains differs by from what walls and gravity give,
-/// over the impulse of gravity.
+/// Takes a step of 1 ms, and returns what the change of the momentum of the grains differs by from what walls and
+/// gravity give, over the impulse of gravity.
 fn momentum_defect(simulation: &mut Simulation) -> f64 {
     let momentum = |simulation: &Simulation| -> Vector<2> {
         let particles = &simulation.coupled().grains().unwrap().particles;

@@ -1,4 +1,5 @@
-//! `voidage study`: what it finds, that it goes on where it stopped, that parts make the whole, and what it says of bad input.
+//! `voidage study`: what it finds, that it goes on where it stopped, that parts make the whole, and what it says of bad
+//! input.
 
 use assert_cmd::Command;
 use std::collections::BTreeMap;
@@ -103,8 +104,8 @@ fn rows(path: &Path) -> usize {
     fs::read_to_string(path).map_or(0, |text| text.lines().count().saturating_sub(1))
 }
 
-/// With the predicted velocity slip falls by 1/(1 + A + B) a step: after 1/s steps of A + B = s what is left is (1 + s)^(-1/s)
-/// and should be 1/e.
+/// With the predicted velocity slip falls by 1/(1 + A + B) a step: after 1/s steps of A + B = s what is left is (1 +
+/// s)^(-1/s) and should be 1/e.
 #[test]
 fn errors_of_the_slip_box_are_those_of_its_factors() {
     let folder = folder(SLIP);

@@ -77,7 +77,8 @@ fn column(folder: &Path, name: &str) -> Vec<f64> {
     text.lines().skip(1).map(|row| row.split(',').nth(index).unwrap().parse().unwrap()).collect()
 }
 
-/// The run stops because its grains have no room; nothing has flown by then, and all that it leaves shows the grains where they are.
+/// The run stops because its grains have no room; nothing has flown by then, and all that it leaves shows the grains
+/// where they are.
 fn stops(folder: &Path, options: &[&str]) -> String {
     let (said, code) = run(folder, options);
     assert_eq!(code, Some(1), "{said}");

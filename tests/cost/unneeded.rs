@@ -349,7 +349,8 @@ fn compare(name: &str, adds: &Added, with: &Counted, base: &Counted) {
     assert_eq!(with.phases.contains(&"energy"), adds.energy, "{name}: {:?}", with.phases);
 }
 
-/// Builds the scene and counts its first step, when the grains lie alike in all scenes, and the allocations of a later one.
+/// Builds the scene and counts its first step, when the grains lie alike in all scenes, and the allocations of a later
+/// one.
 fn count(scene: &Scene) -> Counted {
     let before = BYTES.load(Ordering::Relaxed);
     let mut simulation = Simulation::new(scene).expect("a valid scene");

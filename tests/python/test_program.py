@@ -35,6 +35,14 @@ def test_a_case_runs_by_name_and_starts_solvers(tmp_path):
     assert (tmp_path / "scikit-fem" / "solver.log").exists()
 
 
+def test_a_study_runs_in_processes_of_the_package(tmp_path):
+    study = ROOT / "cases" / "studies" / "stack.toml"
+    done = program(tmp_path, "study", str(study), "--quick", "--quiet", "--threads", "1", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    rows = (tmp_path / "out" / "results.csv").read_text().splitlines()
+    assert len(rows) > 2, done.stderr
+
+
 def test_a_simulation_takes_the_name_of_a_case(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = voidage.Simulation("settling-grain")

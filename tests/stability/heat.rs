@@ -81,8 +81,8 @@ fn range(system: &Coupled<2>) -> (f64, f64) {
     heat.temperature.iter().fold((f64::MAX, f64::MIN), |(low, high), t| (low.min(*t), high.max(*t)))
 }
 
-/// Whatever the step and however well grains conduct, no grain gets colder than the coldest or hotter than the hottest of
-/// what there was and what flows in.
+/// Whatever the step and however well grains conduct, no grain gets colder than the coldest or hotter than the hottest
+/// of what there was and what flows in.
 #[test]
 fn grains_that_conduct_stay_within_bounds() {
     let (low, high) = (TEMPERATURES[0], TEMPERATURES[3]);
@@ -118,8 +118,8 @@ fn a_bed_at_one_temperature_takes_one_solution_of_the_fluid() {
     }
 }
 
-/// A range of a millikelvin is not taken for rounding errors: the disagreement is that of the same bed with a large one, less the
-/// accuracy of the temperatures.
+/// A range of a millikelvin is not taken for rounding errors: the disagreement is that of the same bed with a large
+/// one, less the accuracy of the temperatures.
 #[test]
 fn a_small_difference_of_temperatures_is_compared_with_its_range() {
     let disagreement = |warmer: f64| {

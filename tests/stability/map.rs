@@ -40,7 +40,8 @@ fn the_other_schemes_fail_where_theory_says() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
-/// A bed in water counted as held by its floor until it had left it, and bounced higher from step to step instead of rising.
+/// A bed in water counted as held by its floor until it had left it, and bounced higher from step to step instead of
+/// rising.
 #[test]
 fn anchored_lifts_a_bed_in_water() {
     let all = axes();
@@ -121,8 +122,8 @@ fn a_step_that_does_not_converge_is_halved() {
     assert!(complaint.help.contains("cut as far as") && !complaint.help.contains("= {}"), "{complaint}");
 }
 
-/// A grain that flies far in a step is pushed all the way as where it was. In parts it ends nearer to where short steps take it, and the
-/// force of the step, the mean over them, is what moved it.
+/// A grain that flies far in a step is pushed all the way as where it was. In parts it ends nearer to where short steps
+/// take it, and the force of the step, the mean over them, is what moved it.
 #[test]
 fn a_step_in_which_grains_fly_is_cut() {
     let time = 2e-2;
@@ -188,8 +189,8 @@ fn no_momentum_is_lost_over_time() {
     assert!(most > 1e-9, "nothing was carried: the test tests nothing");
 }
 
-/// What the equation of mass had the grains move by in excess added up, to a radius in a bed in water, and a bed that hovered carried 1 to
-/// 2 % less than its drag law.
+/// What the equation of mass had the grains move by in excess added up, to a radius in a bed in water, and a bed that
+/// hovered carried 1 to 2 % less than its drag law.
 #[test]
 fn the_solid_is_where_the_equation_of_mass_had_it() {
     let mut simulation = bed_with(&[

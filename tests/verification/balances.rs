@@ -164,7 +164,8 @@ fn balances_close_on_a_mesh_that_moves() {
     closes("tests/python/scenes/moving-mesh.toml", &TRACER);
 }
 
-/// Grains that a scheme pushes otherwise than the fluid was told make the defect what it is: the share that nobody lost.
+/// Grains that a scheme pushes otherwise than the fluid was told make the defect what it is: the share that nobody
+/// lost.
 #[test]
 fn a_force_that_the_fluid_did_not_lose_is_a_momentum_exchange_defect() {
     use voidage_coupling::scheme::Scheme;

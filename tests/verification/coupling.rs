@@ -167,8 +167,8 @@ fn the_energy_of_a_closed_system_is_constant() {
             (0..fluid.len()).map(|a| interaction.load.voidage[a] * volume[a] * 3000.0 * fluid[a]).sum();
         gas + grains.iter().zip(capacity).map(|(t, c)| t * c).sum::<f64>()
     };
-    // Grains that overlap and approach each other carry force and conduct; then they are put back, so that the voidage stays and
-    // nothing flows (the explicit scheme does not foresee contacts).
+    // Grains that overlap and approach each other carry force and conduct; then they are put back, so that the voidage
+    // stays and nothing flows (the explicit scheme does not foresee contacts).
     let places = system.grains().expect("grains").particles.position.clone();
     system.step(1e-6).expect("a step");
     let before = energy(&mut system);
@@ -290,7 +290,8 @@ fn the_pressure_drop_of_a_held_homogeneous_bed_is_that_of_its_drag_law() {
     assert_relative_eq!((mean(0.02) - mean(0.06)) / 0.04, exact, max_relative = 1e-6);
 }
 
-/// Grains held fast, with a law of the solid flux anchored at the last push, with some mobility over that of a grain without inertia.
+/// Grains held fast, with a law of the solid flux anchored at the last push, with some mobility over that of a grain
+/// without inertia.
 struct HeldAnchored(f64);
 
 impl Scheme<2> for HeldAnchored {
@@ -313,8 +314,8 @@ impl Scheme<2> for HeldAnchored {
     }
 }
 
-/// Each piece of a grain gave way by itself where the fluid pushed it more than the grain, and the law let fluid through grains that are held:
-/// the drop depended on the mobility.
+/// Each piece of a grain gave way by itself where the fluid pushed it more than the grain, and the law let fluid
+/// through grains that are held: the drop depended on the mobility.
 #[test]
 fn the_pressure_drop_does_not_depend_on_the_mobility_of_the_solid_flux() {
     let drop = |mobility: f64| {

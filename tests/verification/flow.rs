@@ -34,7 +34,8 @@ fn the_solution_does_not_depend_on_the_unit_of_mass() {
     }
 }
 
-/// Temperatures (lowest, highest) after hot fluid has entered a cold box from the left, in a stream that crosses it aslant.
+/// Temperatures (lowest, highest) after hot fluid has entered a cold box from the left, in a stream that crosses it
+/// aslant.
 fn after_a_front(form: Form) -> [f64; 2] {
     let stream = Vec2::new(1.0, 0.6);
     let mesh = grid([1.0, 1.0], [16, 16]).expect("a valid rectangle");

@@ -58,8 +58,8 @@ fn warm_starts_need_no_sweeps_at_rest() {
     assert_eq!((report.sweeps, report.converged), (0, true));
 }
 
-/// Sub-steps were not enough to hold the free fall of such a step down, so that the search made everyone a contact of everyone
-/// else; a bed of 126 grains then did not converge, and a grain flew out of its box.
+/// Sub-steps were not enough to hold the free fall of such a step down, so that the search made everyone a contact of
+/// everyone else; a bed of 126 grains then did not converge, and a grain flew out of its box.
 #[test]
 fn grains_at_rest_look_at_their_neighbours_only_in_any_step() {
     let mut dem = stack(8, precise());
@@ -113,8 +113,8 @@ fn gaps_close_without_overlap() {
     }
 }
 
-/// Two discs on their way through each other, each faster than its sub-steps allow for: with enough of them they meet, and with too
-/// few the step says so. (It went by in silence.)
+/// Two discs on their way through each other, each faster than its sub-steps allow for: with enough of them they meet,
+/// and with too few the step says so. (It went by in silence.)
 #[test]
 fn a_step_that_lacks_sub_steps_says_so() {
     let material = Material::default();
@@ -279,8 +279,9 @@ fn a_chain_hangs_as_long_as_cohesion_carries_its_weight() {
     }
 }
 
-/// Beside fine grains a wide disc has tiles and bounds of velocities of its own: flying into them by three of their diameters in one
-/// sub-step, it meets all that are in its way, those that lie still far from it look for nobody, and momentum stays.
+/// Beside fine grains a wide disc has tiles and bounds of velocities of its own: flying into them by three of their
+/// diameters in one sub-step, it meets all that are in its way, those that lie still far from it look for nobody, and
+/// momentum stays.
 #[test]
 fn a_wide_disc_in_flight_meets_all_fine_grains_in_its_way() {
     let material = Material::default();

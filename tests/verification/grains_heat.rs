@@ -8,8 +8,8 @@ fn metal() -> Material {
     Material { young: 1e9, poisson: 0.3, conductivity: 10.0, heat_capacity: 100.0, ..Material::default() }
 }
 
-/// A shaken box without heated walls keeps its energy to 1e-12, and no grain leaves the range of temperatures it started in,
-/// with contacts from slow to hopelessly stiff.
+/// A shaken box without heated walls keeps its energy to 1e-12, and no grain leaves the range of temperatures it
+/// started in, with contacts from slow to hopelessly stiff.
 #[test]
 fn a_closed_box_keeps_its_energy() {
     for capacity in [1e3, 1.0, 1e-6] {

@@ -59,8 +59,8 @@ fn a_bed_at_rest_stays_where_it_is_without_sweeps() {
     assert_relative_eq!(carried, weight, max_relative = share);
 }
 
-/// What contacts may close by in a step was taken back at once, which lifts the bed above: one of them always does in large beds,
-/// and they never came to rest.
+/// What contacts may close by in a step was taken back at once, which lifts the bed above: one of them always does in
+/// large beds, and they never came to rest.
 #[test]
 fn a_small_overlap_does_not_disturb_a_bed_at_rest() {
     let mut dem = bed_at_rest(2000);
@@ -87,7 +87,8 @@ fn a_bed_at_rest_moves_when_it_is_pushed() {
     assert!(dem.particles.velocity[top.unwrap()].x > 0.1 * 0.5 * G * 40.0 * STEP);
 }
 
-/// The floor is smooth: a disc that gets a share of its weight sideways goes as Newton has it, unless it rests by definition.
+/// The floor is smooth: a disc that gets a share of its weight sideways goes as Newton has it, unless it rests by
+/// definition.
 #[test]
 fn a_disc_moves_once_more_than_the_share_is_not_balanced() {
     let material = Material::default();

@@ -154,8 +154,8 @@ fn decaying_vortices_keep_their_orders_on_a_mesh_that_swings() {
     }
 }
 
-/// A closed box full of grains and fluid, all of which moves with it: nothing happens inside. What leaves through a wall
-/// on its way is replaced by grains and fluid together.
+/// A closed box full of grains and fluid, all of which moves with it: nothing happens inside. What leaves through a
+/// wall on its way is replaced by grains and fluid together.
 #[test]
 fn a_box_that_moves_with_all_that_is_in_it_is_at_rest_in_itself() {
     let (drift, dt) = (Vec2::new(0.3, -0.2), 0.1);
@@ -289,7 +289,8 @@ fn swinging_bed(sets: &[&str]) -> Scene {
     Scene::read(&path, &sets).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Grains over a oscillating rod, end to end: the mesh is where the law puts it, all of the grains is on it, forces balance.
+/// Grains over a oscillating rod, end to end: the mesh is where the law puts it, all of the grains is on it, forces
+/// balance.
 #[test]
 fn a_scene_swings_its_mesh() {
     let scene = swinging_bed(&[]);
@@ -317,7 +318,8 @@ fn a_scene_swings_its_mesh() {
     assert!(totals.solid_volume_defect.expect("both") < 1e-12);
 }
 
-/// A rod that oscillates further than one mesh can follow: remeshing can, and nothing is lost of the grains or the forces.
+/// A rod that oscillates further than one mesh can follow: remeshing can, and nothing is lost of the grains or the
+/// forces.
 #[test]
 fn remeshing_follows_what_one_mesh_cannot() {
     let wide = "fluid.mesh_motion.amplitude=[1.5e-2, 0.0]";
@@ -451,7 +453,8 @@ fn a_uniform_stream_stays_uniform_on_a_mesh_moved_by_any_mover() {
     assert_in_the_stream(&fluid.accepted);
 }
 
-/// A run goes on from a state as if it had never stopped, with the mesh where it was, also one that was made on the way.
+/// A run goes on from a state as if it had never stopped, with the mesh where it was, also one that was made on the
+/// way.
 #[test]
 fn a_moving_mesh_is_where_it_was_after_a_restart() {
     is_where_it_was_after_a_restart(&swinging_bed(&[]));

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Processor time, s, of this process with all its threads, or of the processes that it started and that have ended, with
-/// theirs. Zero where the system does not say.
+/// Processor time, s, of this process with all its threads, or of the processes that it started and that have ended,
+/// with theirs. Zero where the system does not say.
 pub fn cpu(who: UsageWho) -> f64 {
     let micro = getrusage(who)
         .map(|usage| usage.user_time().num_microseconds() + usage.system_time().num_microseconds());

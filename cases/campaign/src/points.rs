@@ -53,8 +53,8 @@ pub struct Points<'a, P> {
     pub quiet: bool,
 }
 
-/// Does the points; `keep` puts what came of one where it is safe, as soon as it is there, in the order in which points end.
-/// A point without a result ends the campaign: whoever watches has asked for that.
+/// Does the points; `keep` puts what came of one where it is safe, as soon as it is there, in the order in which points
+/// end. A point without a result ends the campaign: whoever watches has asked for that.
 ///
 /// # Errors
 /// That of a point or of `keep`: no further point is begun.

@@ -1,9 +1,10 @@
 //! What contacts cost in beds of 4 thousand to a million discs: built, from a cold start, at rest, and under an impact.
 //!
-//! `cargo bench -p voidage --bench beds -- [--sizes 4000,20000,90000] [--threads 1,2] [--impact 200] [--out DIR]` runs every bed in
-//! a process of its own and writes `beds.csv` (with the name of the machine) and `beds.png`; beds that the table in DIR has
-//! of this machine and version are not run again. `--impact` is the number of steps under the heavy disc. Discs of 44 to
-//! 55 um, dropped and rolled between rough walls, square beds up to 400 rows, friction 0.3, steps of 0.5 ms, default settings.
+//! `cargo bench -p voidage --bench beds -- [--sizes 4000,20000,90000] [--threads 1,2] [--impact 200] [--out DIR]` runs
+//! every bed in a process of its own and writes `beds.csv` (with the name of the machine) and `beds.png`; beds that the
+//! table in DIR has of this machine and version are not run again. `--impact` is the number of steps under the heavy
+//! disc. Discs of 44 to 55 um, dropped and rolled between rough walls, square beds up to 400 rows, friction 0.3, steps
+//! of 0.5 ms, default settings.
 
 mod table;
 

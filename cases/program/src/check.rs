@@ -52,7 +52,8 @@ pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     Ok(0)
 }
 
-/// The scene at time zero. A fluid solver in another process is not started, and beds do not settle: that takes minutes for a large one.
+/// The scene at time zero. A fluid solver in another process is not started, and beds do not settle: that takes minutes
+/// for a large one.
 fn build(scene: &Scene) -> Result<Simulation> {
     let mut here = scene.clone();
     here.fluid.iter_mut().for_each(|fluid| fluid.backend = None);

@@ -1,4 +1,5 @@
-//! How a run is interrupted: between two steps, or, where that takes too long, by a watcher that saves the last state that it has.
+//! How a run is interrupted: between two steps, or, where that takes too long, by a watcher that saves the last state
+//! that it has.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};

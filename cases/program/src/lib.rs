@@ -19,6 +19,7 @@ mod sizes;
 
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 use voidage_campaign::progress;
@@ -53,14 +54,14 @@ enum Command {
     Verify(voidage_verification::Options),
     /// Map what is stable: every coupling scheme over density, step, voidage and so on, against theory.
     Stability(voidage_stability::Options),
-    /// Measure error against run time over mesh, step, tolerance, scheme, solver; goes on where it stopped. Exit code 1 if a
-    /// run failed.
+    /// Measure error against run time over mesh, step, tolerance, scheme, solver; goes on where it stopped. Exit code 1
+    /// if a run failed.
     Study(voidage_studies::Options),
     /// One run of a study, for `study` itself.
     #[command(hide = true)]
     Measure,
-    /// Do all of a run but its steps: read a scene, place its grains, make its mesh; say which parts are on, the sizes that tell a mistake,
-    /// and what is out of its usual range.
+    /// Do all of a run but its steps: read a scene, place its grains, make its mesh; say which parts are on, the sizes
+    /// that tell a mistake, and what is out of its usual range.
     Check {
         /// Scene file (TOML), or the name of a shipped case.
         scene: PathBuf,
@@ -68,9 +69,11 @@ enum Command {
         #[arg(long = "set", value_name = "KEY=VALUE")]
         sets: Vec<String>,
     },
-    /// Draw the pictures of a run again from the files in its folder; with more folders, or --out, those that compare the droplets of runs.
+    /// Draw the pictures of a run again from the files in its folder; with more folders, or --out, those that compare
+    /// the droplets of runs.
     Plot {
-        /// Also draw every frame into film/ with the same axes and colours, and join them to film.mp4 where there is an ffmpeg.
+        /// Also draw every frame into film/ with the same axes and colours, and join them to film.mp4 where there is an
+        /// ffmpeg.
         #[arg(long)]
         film: bool,
         /// Folders of runs.
@@ -99,7 +102,8 @@ enum Command {
         /// How long the run may take to be there, s.
         #[arg(long, value_name = "S", default_value_t = 60.0)]
         wait: f64,
-        /// What the run asks for, where it has a --token; other processes of this machine see arguments, but not the variable.
+        /// What the run asks for, where it has a --token; other processes of this machine see arguments, but not the
+        /// variable.
         #[arg(long, env = TOKEN_VARIABLE, hide_env_values = true, value_name = "WORD")]
         token: Option<String>,
     },
@@ -110,7 +114,8 @@ enum Command {
 /// Exit code of programs that the shell ends for writing to nobody.
 const NOBODY_READS: i32 = 141;
 
-/// A reader that has read enough, as `head`, closes the pipe: ends the program as others end, instead of with a panic's message.
+/// A reader that has read enough, as `head`, closes the pipe: ends the program as others end, instead of with a panic's
+/// message.
 fn end_quietly_where_nobody_reads() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
@@ -122,8 +127,9 @@ fn end_quietly_where_nobody_reads() {
     }));
 }
 
-/// Does what the arguments ask for, the first of which is the name of the program; the number is the exit code. To be called once
-/// in a process: it sets the handlers of signals and panics. Help, and arguments that are wrong, end the process.
+/// Does what the arguments ask for, the first of which is the name of the program; the number is the exit code. To be
+/// called once in a process: it sets the handlers of signals and panics. Help, and arguments that are wrong, end the
+/// process.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     end_quietly_where_nobody_reads();
     let arguments = Arguments::parse_from(arguments);
@@ -137,7 +143,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         _ => false,
     };
     progress::start_logging(quiet);
-    match perform(arguments.command) {
+    // Where an interpreter is the process, nobody else writes what is left in the buffer.
+    let written =
+        || std::io::stdout().flush().map_err(|error| Error::run(format!("cannot write the output: {error}")));
+    match perform(arguments.command).and_then(|code| written().map(|()| code)) {
         Ok(code) => code,
         Err(error) => {
             report::print(&error);

@@ -1,7 +1,8 @@
 //! Processors that lack what the program is compiled for: it says so, where it would die of an illegal instruction.
 //!
-//! Code of this program may have any of those instructions anywhere, `main` included. So what looks at the processor is written in
-//! assembly, and the loader calls it before all other code of the program (or of the Python package, which has it from here).
+//! Code of this program may have any of those instructions anywhere, `main` included. So what looks at the processor is
+//! written in assembly, and the loader calls it before all other code of the program (or of the Python package, which
+//! has it from here).
 #![cfg(all(target_arch = "x86_64", target_os = "linux", target_feature = "avx2"))]
 
 use std::arch::naked_asm;

@@ -34,8 +34,8 @@ pub struct Options {
     /// Change a key of the scene: `fluid.boundaries.inflow.flow.superficial_velocity=[0,1.2]` (may be repeated).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
-    /// Go on from a checkpoint of this scene. With other laws, boundary conditions or other keys that the run can go on with, into
-    /// another folder (--out).
+    /// Go on from a checkpoint of this scene. With other laws, boundary conditions or other keys that the run can go on
+    /// with, into another folder (--out).
     #[arg(long, value_name = "FILE")]
     restart: Option<PathBuf>,
     /// Replace the results of an earlier run in the folder.
@@ -70,8 +70,8 @@ pub struct Process {
     /// Longest time without a sign of life from the process of a fluid solver, s.
     #[arg(long, value_name = "S")]
     timeout: Option<f64>,
-    /// What a fluid solver that is started by hand (attach:tcp:..) must greet with; other processes of this machine see arguments,
-    /// but not the variable.
+    /// What a fluid solver that is started by hand (attach:tcp:..) must greet with; other processes of this machine see
+    /// arguments, but not the variable.
     #[arg(long, env = TOKEN_VARIABLE, hide_env_values = true, value_name = "WORD")]
     token: Option<String>,
 }
@@ -441,8 +441,8 @@ impl Run {
         Ok(if matches!(finished, Ended::Interrupted) { 1 } else { 0 })
     }
 
-    /// What a run that fails leaves: frame, picture and state of its last good step, or of the step in which grains overlap too much. That
-    /// this may fail too is no news beside why the run did.
+    /// What a run that fails leaves: frame, picture and state of its last good step, or of the step in which grains
+    /// overlap too much. That this may fail too is no news beside why the run did.
     fn leave_failed(&mut self, error: &Error) {
         let overlap = matches!(error, Error::Penetration(_));
         if overlap {

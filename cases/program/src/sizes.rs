@@ -83,7 +83,8 @@ fn minimum_fluidisation(laws: &Laws, (diameter, density): (f64, f64), voidage: f
     slip * voidage
 }
 
-/// Through how much a boundary lets a velocity in, as a share of what it would if it stood across, and the length of the boundary, m.
+/// Through how much a boundary lets a velocity in, as a share of what it would if it stood across, and the length of
+/// the boundary, m.
 fn inward(mesh: &Mesh<2>, name: &str, velocity: &Vector<2>) -> Option<(f64, f64)> {
     let part = mesh.boundary(name).ok()?;
     let (mut through, mut length) = (0.0, 0.0);

@@ -1,4 +1,5 @@
-//! A bed on its floor under an inflow: the pressure drop is that of the drag law until it carries the weight, whatever the step.
+//! A bed on its floor under an inflow: the pressure drop is that of the drag law until it carries the weight, whatever
+//! the step.
 //!
 //! The drop D of the drag law is that of the same grains held fast. The weight W is that of the grains less buoyancy, over
 //! the width. Where the law differs from row to row, as it does by the nodes' share of the bed's surface, or where short steps let the
@@ -49,7 +50,8 @@ pub const AXES: &[Axis] = &[
     },
 ];
 
-/// Above fluidisation up to the step in which a grain of the bed rises by about a diameter: beyond, there is no bed to speak of.
+/// Above fluidisation up to the step in which a grain of the bed rises by about a diameter: beyond, there is no bed to
+/// speak of.
 fn points(effort: Effort, few: &[f64], longest: f64) -> Vec<[f64; 2]> {
     match effort {
         Effort::Quick => product(&[0.3], few),
@@ -65,9 +67,10 @@ fn points(effort: Effort, few: &[f64], longest: f64) -> Vec<[f64; 2]> {
 pub(super) struct Bed {
     /// Height, in diameters.
     rows: usize,
-    /// Height of one above fluidisation. What lies on the floor and rains on it when a bed leaves it are some grains in all: of 126 in water
-    /// two are more than a hundredth. In gas, with steps of one relaxation time, the weight of some nine lies between what such grains would
-    /// press on the floor with at rest, which is what is expected, and what they land on it with.
+    /// Height of one above fluidisation. What lies on the floor and rains on it when a bed leaves it are some grains in
+    /// all: of 126 in water two are more than a hundredth. In gas, with steps of one relaxation time, the weight of
+    /// some nine lies between what such grains would press on the floor with at rest, which is what is expected, and
+    /// what they land on it with.
     high: usize,
     pub fluid: f64,
     viscosity: f64,
@@ -83,7 +86,8 @@ pub(super) const LIQUID: Bed =
 const GRAVITY: f64 = 9.81;
 /// Of the contacts, at most.
 const TOLERANCE: f64 = 1e-6;
-/// Sub-steps: a step of 1e4 relaxation times would take thousands if nothing held the grains, but these lie on each other.
+/// Sub-steps: a step of 1e4 relaxation times would take thousands if nothing held the grains, but these lie on each
+/// other.
 const SUBSTEPS: usize = 100;
 /// Speed of a grain, m/s, at which a bed counts as blown apart: the terminal velocities are below 0.3.
 const RUNAWAY: f64 = 30.0;
@@ -93,11 +97,12 @@ const LOOK: usize = 50;
 const STEADY: f64 = 1e-6;
 /// Steps in which a bed comes to rest.
 const SETTLING: usize = 300;
-/// How often the fluidisation velocity is corrected by the drop on the mesh, and with which step over the relaxation time.
+/// How often the fluidisation velocity is corrected by the drop on the mesh, and with which step over the relaxation
+/// time.
 const REFINED: usize = 3;
 const LONG: f64 = 10.0;
-/// How far a bed above fluidisation may have risen at the end, in diameters, and the fewest steps. One that rises further breaks up:
-/// a slug, grains that rain from it, and what it has left behind.
+/// How far a bed above fluidisation may have risen at the end, in diameters, and the fewest steps. One that rises
+/// further breaks up: a slug, grains that rain from it, and what it has left behind.
 const LIFTED: f64 = 0.5;
 const FEWEST: f64 = 5.0;
 /// Width of the box, room above the bed, and side of the squares of the mesh, in diameters.
@@ -165,8 +170,8 @@ impl Bed {
         GRAVITY * (1.0 - self.fluid / self.solid)
     }
 
-    /// The bed at rest. With a `seed` its grains differ by a thousandth in size, enough for beds of different seeds to move
-    /// in different ways.
+    /// The bed at rest. With a `seed` its grains differ by a thousandth in size, enough for beds of different seeds to
+    /// move in different ways.
     pub fn lie(&self, seed: Option<u64>) -> Result<Lying> {
         let material = Material { density: self.solid, friction: 0.3, solidity: 0.65, ..Material::default() };
         let (width, d) = (self.width(), self.diameter);
@@ -212,11 +217,12 @@ impl Bed {
         Ok(())
     }
 
-    /// Pressure drop of the drag law, that of these grains held fast, after steps, and that of the same grains free to rise, Pa.
+    /// Pressure drop of the drag law, that of these grains held fast, after steps, and that of the same grains free to
+    /// rise, Pa.
     ///
-    /// Contacts push, so that grains above some height carry no more of the fluid's force than their weight: the rest lifts
-    /// them, until the law is that. What is below keeps its law, for the flow is given. The drop is the least, over all heights
-    /// from above the bed to its floor, of weight above and law below.
+    /// Contacts push, so that grains above some height carry no more of the fluid's force than their weight: the rest
+    /// lifts them, until the law is that. What is below keeps its law, for the flow is given. The drop is the least,
+    /// over all heights from above the bed to its floor, of weight above and law below.
     pub fn law(
         &self,
         particles: &Particles<2>,
@@ -276,16 +282,16 @@ impl Bed {
         set.with_grains(set.build(mesh, start)?, grains, set.laws(None), scheme)
     }
 
-    /// Mean pressure drop (Pa) over steps in which the fluid pushed the grains up by `push` (N per metre of depth) and their upward
-    /// momentum grew by `gain` (N per metre of depth), and what it must be where nothing rests on the floor: the flow through the bed
-    /// being given, the fluid slows down where the grains speed up.
+    /// Mean pressure drop (Pa) over steps in which the fluid pushed the grains up by `push` (N per metre of depth) and
+    /// their upward momentum grew by `gain` (N per metre of depth), and what it must be where nothing rests on the
+    /// floor: the flow through the bed being given, the fluid slows down where the grains speed up.
     pub fn balance(&self, lying: &Lying, push: f64, gain: f64) -> [f64; 2] {
         let fluid = gain * self.fluid / self.solid;
         [(push - fluid) / self.width(), lying.weight + (gain - fluid) / self.width()]
     }
 
-    /// A number of steps, or until the push of the fluid is steady: means over the last `window`, and the grains as they were before
-    /// the last.
+    /// A number of steps, or until the push of the fluid is steady: means over the last `window`, and the grains as
+    /// they were before the last.
     pub fn last(&self, system: &mut Coupled<2>, dt: f64, (steps, window): (usize, usize)) -> Result<Last> {
         let mut last = Last::default();
         let mut kept = VecDeque::with_capacity(window + 1);
@@ -339,8 +345,8 @@ impl Bed {
             steps = steps.min((LIFTED * self.diameter / rise).ceil().max(FEWEST));
         }
         let steps = steps as usize;
-        // To even out the speeds that contacts solved to a tolerance leave, which short steps show as noise, and what is carried from
-        // step to step.
+        // To even out the speeds that contacts solved to a tolerance leave, which short steps show as noise, and what
+        // is carried from step to step.
         let window = steps / 5;
         let end = match self.last(&mut free, step * relaxation, (steps, window)) {
             Ok(end) => end,
@@ -352,8 +358,8 @@ impl Bed {
         // With the same step, on which the pressure stabilisation depends where drag acts more slowly than it.
         let [law, rising] = self.law(&end.before, &lying.material, speed, (step * relaxation, steps))?;
         let [drop, moving] = self.balance(&lying, end.push, end.gain);
-        // A bed in motion takes also what its momentum grows by: where nothing touches the floor this is the balance of momentum, which
-        // holds for any scheme, and tells only that the bed is lifted.
+        // A bed in motion takes also what its momentum grows by: where nothing touches the floor this is the balance of
+        // momentum, which holds for any scheme, and tells only that the bed is lifted.
         let measured = drop / (rising + moving - lying.weight);
         let sample = Sample::judge(measured.abs() < 1e3, measured, 1.0, ALLOWED, end.tally);
         let curves = vec![

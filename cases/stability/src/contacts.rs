@@ -1,8 +1,8 @@
 //! Contacts alone: heavy lids on light grains, friction, sizes far apart.
 //!
-//! A point passes when no grain penetrates another by more than a hundredth of its radius, in any step, and energy does not
-//! grow. All with as many sweeps as by default. Steps whose forces are not solved say so, which the table counts: with strong
-//! friction they are many.
+//! A point passes when no grain penetrates another by more than a hundredth of its radius, in any step, and energy does
+//! not grow. All with as many sweeps as by default. Steps whose forces are not solved say so, which the table counts:
+//! with strong friction they are many.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use voidage_campaign::Effort;
@@ -18,8 +18,8 @@ const STEP: f64 = 1e-3;
 /// Penetration over the radius of the smaller grain that passes.
 const PENETRATION: f64 = 1e-2;
 
-/// Of the stack. Errors are judged beside the forces of the heavy lid: with 1e-4 discs of a thousandth of its mass tremble by the speed
-/// that a step of free fall gives.
+/// Of the stack. Errors are judged beside the forces of the heavy lid: with 1e-4 discs of a thousandth of its mass
+/// tremble by the speed that a step of free fall gives.
 const TOLERANCE: f64 = 1e-6;
 
 const MASSES: [f64; 7] = [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6];
@@ -167,7 +167,8 @@ fn loose(radii: Vec<f64>, friction: f64) -> Result<Particles<2>> {
     Ok(packing::loose(&region, &fill)?.rotating())
 }
 
-/// Pours grains in a closed box, so that one squeezed out between heavy ones flies no further than its lid; energy must not grow.
+/// Pours grains in a closed box, so that one squeezed out between heavy ones flies no further than its lid; energy must
+/// not grow.
 fn pour(particles: Particles<2>, friction: f64, steps: usize) -> Result<Sample> {
     let material = Material { friction, ..Material::default() };
     let (width, largest) = (width(&particles.radius), particles.radius.iter().copied().fold(0.0, f64::max));

@@ -1,5 +1,5 @@
-//! The fluidisation curve: the inflow goes up through fluidisation and down again, and the pressure drop must be the smaller of
-//! drag law and weight whatever the step.
+//! The fluidisation curve: the inflow goes up through fluidisation and down again, and the pressure drop must be the
+//! smaller of drag law and weight whatever the step.
 //!
 //! The drag law is that of the same grains held fast where they are, on the same mesh. A bed that was lifted comes to rest again,
 //! looser, and carries its weight only at a higher inflow; how loose depends on how far it was lifted at once. Hence the small
@@ -7,15 +7,16 @@
 //! relaxation time in gas the fluid passes five diameters, and a grain is pushed all the way as where it was; not cut, such steps throw
 //! grains up that hover in shorter ones, and leave a looser bed.
 //!
-//! Below fluidisation the drop is the mean over the last fifth of the steps, in which what is carried from step to step evens out, and
-//! is judged. Above it, it is drawn. Where nothing moves any more it stands beside the same law, which is a bound there: parts of the
-//! bed that rest on little hover, and held fast they would take more than what lifts them. In a bed that goes on moving it is
-//! the mean over the second half, beside the weight and what the momentum of the bed grows by: grains that rest on the floor or rain
-//! on it are missing from it. They are some grains whatever the height, in gas more than in water, so there the bed has 27 rows.
-//! The axes of [`super::bed`] judge that part of the curve.
+//! Below fluidisation the drop is the mean over the last fifth of the steps, in which what is carried from step to step
+//! evens out, and is judged. Above it, it is drawn. Where nothing moves any more it stands beside the same law, which
+//! is a bound there: parts of the bed that rest on little hover, and held fast they would take more than what lifts
+//! them. In a bed that goes on moving it is the mean over the second half, beside the weight and what the momentum of
+//! the bed grows by: grains that rest on the floor or rain on it are missing from it. They are some grains whatever the
+//! height, in gas more than in water, so there the bed has 27 rows. The axes of [`super::bed`] judge that part of the
+//! curve.
 //!
-//! How loose a bed is left is chance, too: every point is of several beds whose grains differ by a thousandth in size, and the
-//! picture shows their mean.
+//! How loose a bed is left is chance, too: every point is of several beds whose grains differ by a thousandth in size,
+//! and the picture shows their mean.
 
 use super::axis::{Axis, Sample, Tally, Verdict};
 use super::bed::{Bed, GAS, LIQUID, Lying, pushed, upward};
@@ -37,8 +38,9 @@ const INFLOWS: [f64; 13] = [0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15,
 const FEW: [f64; 4] = [0.3, 0.6, 0.9, 1.2];
 /// Beds per point.
 const BEDS: u64 = 4;
-/// What the fluid passes in a step, in diameters, above which there is no steady bed above fluidisation but in parts of steps, and the
-/// curve would be that of short ones: it ends below it, nothing moves, and one bed of equal grains tells all.
+/// What the fluid passes in a step, in diameters, above which there is no steady bed above fluidisation but in parts of
+/// steps, and the curve would be that of short ones: it ends below it, nothing moves, and one bed of equal grains tells
+/// all.
 const FARTHEST: f64 = 30.0;
 /// How often longer than below fluidisation the inflow stays at or above it.
 const PATIENCE: usize = 4;
@@ -146,7 +148,8 @@ fn curve(
 /// Steps at one inflow.
 #[derive(Default)]
 struct Stay {
-    /// Of each step the upward force of the fluid on the grains (N per metre of depth), and their upward momentum before it.
+    /// Of each step the upward force of the fluid on the grains (N per metre of depth), and their upward momentum
+    /// before it.
     course: Vec<[f64; 2]>,
     /// Upward momentum after the last, kg/s.
     upward: f64,
@@ -157,7 +160,8 @@ struct Stay {
 }
 
 impl Stay {
-    /// Mean pressure drop over the last steps, and what it must be meanwhile where nothing rests on the floor ([`Bed::balance`]), Pa.
+    /// Mean pressure drop over the last steps, and what it must be meanwhile where nothing rests on the floor
+    /// ([`Bed::balance`]), Pa.
     fn mean(&self, bed: &Bed, lying: &Lying, dt: f64, steps: usize) -> [f64; 2] {
         let last = &self.course[self.course.len() - steps..];
         let push = last.iter().map(|[push, _]| push).sum::<f64>() / steps as f64;

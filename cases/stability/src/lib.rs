@@ -1,7 +1,7 @@
 //! `voidage stability`: the map of what is stable, for every coupling scheme, against theory where there is one.
 //!
-//! An axis is one file: a system, two parameters, what is measured and what it should be. A point passes when nothing grows
-//! and what is measured is what theory says. The default scheme must pass every point; the others may fail where
+//! An axis is one file: a system, two parameters, what is measured and what it should be. A point passes when nothing
+//! grows and what is measured is what theory says. The default scheme must pass every point; the others may fail where
 //! theory says so.
 
 mod axis;

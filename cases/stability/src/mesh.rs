@@ -1,5 +1,5 @@
-//! A mesh that oscillates through a bed at rest under an inflow, and one whose domain is remeshed on the way: whatever the nodes do, what
-//! flows in flows out.
+//! A mesh that oscillates through a bed at rest under an inflow, and one whose domain is remeshed on the way: whatever
+//! the nodes do, what flows in flows out.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::LIQUID;

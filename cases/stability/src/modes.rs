@@ -2,7 +2,8 @@
 //!
 //! Speeds are so small that drag is linear, convection is below round-off and no grain moves. With beta the drag per
 //! volume and slip: A = beta dt/(eps rho_f), B = beta dt/(phi rho_p) = dt over the relaxation time of a grain,
-//! r = (rho_f/rho_p)(phi/eps), so that A = B phi rho_p/(eps rho_f), and K = B/eps in a closed box, where eps u + phi v = 0.
+//! r = (rho_f/rho_p)(phi/eps), so that A = B phi rho_p/(eps rho_f), and K = B/eps in a closed box, where eps u + phi v
+//! = 0.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use voidage_campaign::Effort;
@@ -89,7 +90,8 @@ pub const AXES: &[Axis] = &[
             Effort::Full => product(&DENSITY, &STEP),
         },
         run: |[density, step], scheme, _| slip(Mixture { density, solid: 0.4 }, step, scheme, true),
-        // Without contact forces in the prediction a closed box takes the weight, and the walls no longer hold the grains.
+        // Without contact forces in the prediction a closed box takes the weight, and the walls no longer hold the
+        // grains.
         theory: |[density, step], scheme| match scheme {
             SchemeName::HenryFree | SchemeName::Lagged => None,
             _ => Some(Mixture { density, solid: 0.4 }.held_root(scheme, step) <= 1.0),
@@ -159,10 +161,10 @@ impl Mixture {
 
     /// u' = p u + q u_old of the shear of the fluid between held grains: (p, q).
     ///
-    /// `henry` moves the grains by the force F = gamma (u - v*) of its law, so that the contact force it predicts with is -F:
-    /// (1 + B) v*' = B (u' - u + v*), and (1 + A) u' = u + A v*'. Eliminating v* gives
-    /// (1 + A + B) u'' = (1 + 2 B) u' - B u, stable for all A and B. (The factor (1 + B - A B)/(1 + A + B) holds where the
-    /// contact force answers to gamma u instead: implicit drag with this prediction.)
+    /// `henry` moves the grains by the force F = gamma (u - v*) of its law, so that the contact force it predicts with
+    /// is -F: (1 + B) v*' = B (u' - u + v*), and (1 + A) u' = u + A v*'. Eliminating v* gives (1 + A + B) u'' = (1 + 2
+    /// B) u' - B u, stable for all A and B. (The factor (1 + B - A B)/(1 + A + B) holds where the contact force answers
+    /// to gamma u instead: implicit drag with this prediction.)
     fn held_recursion(&self, scheme: SchemeName, b: f64) -> (f64, f64) {
         let a = b * self.ratio();
         match scheme {
@@ -214,8 +216,8 @@ fn larger_root((p, q): (f64, f64)) -> f64 {
     }
 }
 
-/// What a factor says of a point: unstable above one. Below one the mode is stable, but with the explicit scheme rounding
-/// may grow in others: in grains whose mean the fluid does not see (by 1 - B), in the constraint (`quiet`).
+/// What a factor says of a point: unstable above one. Below one the mode is stable, but with the explicit scheme
+/// rounding may grow in others: in grains whose mean the fluid does not see (by 1 - B), in the constraint (`quiet`).
 fn known(factor: f64, scheme: SchemeName, b: f64, quiet: bool) -> Option<bool> {
     let noisy = matches!(scheme, SchemeName::Explicit | SchemeName::Lagged) && !quiet;
     match factor.abs() <= 1.0 {
@@ -261,8 +263,8 @@ const ELEMENTS: usize = 96;
 /// Voidage below which linear elements do not resolve the mode: their error is of the order of (k h)^2 / eps.
 const RESOLVED: f64 = 0.39;
 
-/// Half a wave of grains against fluid between two ends, v = sin(pi x/L), u = -(phi/eps) v, on two meshes: what is left when
-/// the error of second order is extrapolated away is compared with theory.
+/// Half a wave of grains against fluid between two ends, v = sin(pi x/L), u = -(phi/eps) v, on two meshes: what is left
+/// when the error of second order is extrapolated away is compared with theory.
 fn closed_box(mixture: Mixture, b: f64, scheme: SchemeName) -> Result<Sample> {
     let [coarse, fine] =
         [half_wave(mixture, b, scheme, ELEMENTS)?, half_wave(mixture, b, scheme, 2 * ELEMENTS)?];
@@ -330,8 +332,8 @@ fn judge(deviation: f64, growth: f64, root: f64, tally: Tally) -> Sample {
     Sample::new(verdict, growth, root, tally)
 }
 
-/// The mixture turns like a rigid body in a round box, the fluid against the grains: no strain, no divergence, nothing but
-/// drag acts. The grains are free, or each rests on a wall with friction under its weight.
+/// The mixture turns like a rigid body in a round box, the fluid against the grains: no strain, no divergence, nothing
+/// but drag acts. The grains are free, or each rests on a wall with friction under its weight.
 fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Sample> {
     let mut set = fluid();
     let rim = Condition {
@@ -342,8 +344,8 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
     set.conditions = vec![rim];
     let mesh = cake(24);
     let dt = mixture.step(&set, b);
-    // Held grains: weight enough for the walls to hold them by friction, and drag linear at a Reynolds number of 1e-8. The
-    // contacts are solved to the last digit, since those that push by less than the tolerance are left alone.
+    // Held grains: weight enough for the walls to hold them by friction, and drag linear at a Reynolds number of 1e-8.
+    // The contacts are solved to the last digit, since those that push by less than the tolerance are left alone.
     let (creep, settings) = match held {
         true => {
             let creep = 1e-8 * VISCOSITY / (RHO_F * 2.0 * RADIUS);

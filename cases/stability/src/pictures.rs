@@ -49,7 +49,8 @@ fn law(axis: &str, title: &str, places: &[Place]) -> Option<Panel> {
     let (drag, voidage) = (first("drag law / weight")?, first("voidage")?);
     let steps: Vec<f64> = (0..=140).map(|k| 10f64.powf(-3.0 + 0.05 * f64::from(k))).collect();
     let formula = |step: f64| {
-        // kappa = beta dt/(eps^2 phi rho_p) is in proportion to the drag law, which on this mesh is not that of the mean voidage.
+        // kappa = beta dt/(eps^2 phi rho_p) is in proportion to the drag law, which on this mesh is not that of the
+        // mean voidage.
         let kappa = step / (voidage * voidage) * drag / INFLOW;
         (drag + kappa) / (1.0 + kappa)
     };

@@ -106,7 +106,8 @@ impl Record {
         &self.places
     }
 
-    /// Puts the points in the order of the axes, their parameters and the schemes, whatever the order in which they ended.
+    /// Puts the points in the order of the axes, their parameters and the schemes, whatever the order in which they
+    /// ended.
     ///
     /// # Errors
     /// The tables cannot be written.

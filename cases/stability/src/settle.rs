@@ -1,11 +1,11 @@
-//! Grains that settle to the floor of a closed box of water: fine grains, voidages down to nothing, grains smaller and larger
-//! than the elements.
+//! Grains that settle to the floor of a closed box of water: fine grains, voidages down to nothing, grains smaller and
+//! larger than the elements.
 //!
-//! There is no theory, but a bound and an end: with long steps no grain may be faster (over a step) than the fastest is with short
-//! ones, none may leave the box, all must come to rest, and a bed of many grains must be as high, in the mean over some packings; how
-//! a handful comes to lie is chance, and so is when, since a grain may lie on two others or find its way between them: all have
-//! twice the time that it takes with short steps. These are steps in which a lone grain falls by a fiftieth of its diameter, with
-//! the default scheme.
+//! There is no theory, but a bound and an end: with long steps no grain may be faster (over a step) than the fastest is
+//! with short ones, none may leave the box, all must come to rest, and a bed of many grains must be as high, in the
+//! mean over some packings; how a handful comes to lie is chance, and so is when, since a grain may lie on two others
+//! or find its way between them: all have twice the time that it takes with short steps. These are steps in which a
+//! lone grain falls by a fiftieth of its diameter, with the default scheme.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use std::collections::BTreeMap;
@@ -27,18 +27,20 @@ const GRAVITY: f64 = 9.81;
 const SEED: u64 = 7;
 /// Step over relaxation time of a lone grain.
 const STEP: [f64; 3] = [1.0, 10.0, 100.0];
-/// Share by which a bed of this many grains may differ in height. Packings are chance: fewer grains scatter by the root more.
+/// Share by which a bed of this many grains may differ in height. Packings are chance: fewer grains scatter by the root
+/// more.
 const SAME: f64 = 0.02;
 const MANY: f64 = 140.0;
-/// How much faster the fastest grain may be than at short steps: in the mean over some clouds of many grains, since they sink in
-/// plumes whose speed is chance (that of four clouds of 100 um, with short steps, is 4.2 to 6.4 terminal velocities of a lone grain);
-/// and of a single cloud, or a handful, whose meetings are chance (its greatest speed scatters by some ten per cent already at one
-/// relaxation time).
+/// How much faster the fastest grain may be than at short steps: in the mean over some clouds of many grains, since
+/// they sink in plumes whose speed is chance (that of four clouds of 100 um, with short steps, is 4.2 to 6.4 terminal
+/// velocities of a lone grain); and of a single cloud, or a handful, whose meetings are chance (its greatest speed
+/// scatters by some ten per cent already at one relaxation time).
 const FASTEST: f64 = 1.1;
 const FASTEST_OF_ONE: f64 = 2.0;
 /// Multiple of the terminal velocity of a lone grain at which grains run away.
 const RUNAWAY: f64 = 20.0;
-/// Share of the terminal velocity of a lone grain, at the end of that of the fastest, below which grains count as at rest.
+/// Share of the terminal velocity of a lone grain, at the end of that of the fastest, below which grains count as at
+/// rest.
 const REST: f64 = 2e-2;
 /// Penetration of a step, as a share of the radius, and defect of the exchange that pass.
 const PENETRATION: f64 = 1e-2;
@@ -322,7 +324,8 @@ impl Suspension {
     }
 }
 
-/// No grain faster than allowed, all at rest, forces and contacts sound, the bed as high. Runs that end early are unstable.
+/// No grain faster than allowed, all at rest, forces and contacts sound, the bed as high. Runs that end early are
+/// unstable.
 fn judge(ends: Vec<(Result<End>, Arc<End>)>, aim: Aim) -> Sample {
     let (mut height, mut mean_speed) = (0.0, 0.0);
     let (mut speed, mut last, mut penetration, mut defect) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);

@@ -1,8 +1,9 @@
-//! A disc, as a boiling droplet that stands still, blows vapour into hot grains: from hardly any to far more than lifts them.
+//! A disc, as a boiling droplet that stands still, blows vapour into hot grains: from hardly any to far more than lifts
+//! them.
 //!
-//! There is no theory, but bounds. The drag brings a grain towards the velocity of the vapour, which is greatest at the disc, and
-//! gravity towards its terminal velocity: no grain may be faster than both together. No temperature may leave the range between disc
-//! and grains, what the disc blows must leave, and forces and heat must balance.
+//! There is no theory, but bounds. The drag brings a grain towards the velocity of the vapour, which is greatest at the
+//! disc, and gravity towards its terminal velocity: no grain may be faster than both together. No temperature may leave
+//! the range between disc and grains, what the disc blows must leave, and forces and heat must balance.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::GAS;
@@ -33,12 +34,13 @@ const CONDUCTIVITY: f64 = 0.026;
 const SOLID_CAPACITY: f64 = 700.0;
 /// Of the contacts.
 const TOLERANCE: f64 = 1e-5;
-/// The voidage between grains at the disc is not below this: the vapour is not faster there than its superficial velocity over it.
+/// The voidage between grains at the disc is not below this: the vapour is not faster there than its superficial
+/// velocity over it.
 const LEAST_VOIDAGE: f64 = 0.4;
 /// Multiple of the bound at which grains run away.
 const RUNAWAY: f64 = 10.0;
-/// What passes: share of the blowing that may be lost, of the range of temperatures by which they may leave it, penetration over
-/// radius, and defect of what is exchanged.
+/// What passes: share of the blowing that may be lost, of the range of temperatures by which they may leave it,
+/// penetration over radius, and defect of what is exchanged.
 const DRIFT: f64 = 1e-9;
 const BEYOND: f64 = 1e-9;
 const PENETRATION: f64 = 1e-2;

@@ -1,4 +1,5 @@
-//! What a run is estimated to cost, so that cheap ones come first. Only the order counts; the unit is the work on one grain.
+//! What a run is estimated to cost, so that cheap ones come first. Only the order counts; the unit is the work on one
+//! grain.
 
 use voidage_scene::{Amount, Coordinates, Fluid, Grains, MeshSource, Placement, Scene, Solver};
 

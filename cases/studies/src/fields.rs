@@ -62,8 +62,8 @@ fn outline(cells: &[u32]) -> Boundary {
     boundary
 }
 
-/// L2 norm of the difference of a field from that of the reference, and the norm of the latter, by a rule of degree 5 on the
-/// mesh of the reference, which is the finer one.
+/// L2 norm of the difference of a field from that of the reference, and the norm of the latter, by a rule of degree 5
+/// on the mesh of the reference, which is the finer one.
 ///
 /// # Errors
 /// A file is missing or has no such field.

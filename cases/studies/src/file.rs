@@ -26,15 +26,15 @@ pub struct Study {
     #[serde(default)]
     #[schemars(with = "Keys")]
     pub set: Table,
-    /// What results are compared with: `"exact"` (or `"manufactured"`), the known values; `"finest"`, the run that is estimated
-    /// to take longest; or `{run = {KEY = VALUE, ..}}`, a run with these settings over those of the study.
+    /// What results are compared with: `"exact"` (or `"manufactured"`), the known values; `"finest"`, the run that is
+    /// estimated to take longest; or `{run = {KEY = VALUE, ..}}`, a run with these settings over those of the study.
     pub reference: Reference,
     /// What is compared. At least one.
     pub quantities: Vec<Quantity>,
     /// What is varied. At least one.
     pub sweeps: Vec<Sweep>,
-    /// The time that errors are drawn against: `"wall"`, from the start to the last step; `"steps"`, wall time of the steps; or
-    /// `"cpu"`, processor time of the steps on all cores, for machines that others use too. Default `"wall"`.
+    /// The time that errors are drawn against: `"wall"`, from the start to the last step; `"steps"`, wall time of the
+    /// steps; or `"cpu"`, processor time of the steps on all cores, for machines that others use too. Default `"wall"`.
     #[serde(default)]
     pub time: Clock,
     /// How often each run is repeated; times are medians. At least 1. Default 1.
@@ -89,8 +89,9 @@ pub enum Reference {
 pub struct Quantity {
     /// Name in tables and plots.
     pub name: String,
-    /// What it is: `{series = "COLUMN"}` of series.csv; `{summary = "KEY"}` of summary.json; `{grain = {number = 0, column =
-    /// "velocity", axis = 1}}`; `{field = "temperature"}`, nodal, at the end, in L2; or, of a problem, `{error = "NAME"}`.
+    /// What it is: `{series = "COLUMN"}` of series.csv; `{summary = "KEY"}` of summary.json; `{grain = {number = 0,
+    /// column = "velocity", axis = 1}}`; `{field = "temperature"}`, nodal, at the end, in L2; or, of a problem, `{error
+    /// = "NAME"}`.
     pub of: Of,
     /// Times at which it is looked at, s; between steps it is interpolated. Default: the end of the run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -98,8 +99,8 @@ pub struct Quantity {
     /// Known values, one per time; they go before the reference of the study. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exact: Option<Vec<f64>>,
-    /// What the error is divided by, in the unit of the quantity. Above 0. Default: the size of the reference (root mean
-    /// square over the times, or the norm of the field).
+    /// What the error is divided by, in the unit of the quantity. Above 0. Default: the size of the reference (root
+    /// mean square over the times, or the norm of the field).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
 }

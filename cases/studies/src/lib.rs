@@ -1,8 +1,8 @@
 //! `voidage study`: error against run time.
 //!
-//! A study names a case, what its results are compared with, and what is varied (`file`). Its runs are written out, checked
-//! and put in the order of cost (`plan`), each done in a process of its own (`child`, `measure`) and recorded when it is
-//! done (`record`); errors, orders and plots follow from the record (`results`, `report`).
+//! A study names a case, what its results are compared with, and what is varied (`file`). Its runs are written out,
+//! checked and put in the order of cost (`plan`), each done in a process of its own (`child`, `measure`) and recorded
+//! when it is done (`record`); errors, orders and plots follow from the record (`results`, `report`).
 
 mod child;
 mod cost;

@@ -1,6 +1,6 @@
-//! One run, in a process of its own: `voidage measure` reads what is to be run from standard input and writes what it found
-//! to standard output. A process of its own keeps times clean: nothing is warm, nothing else is in memory, and the system counts
-//! what it and its fluid solver used.
+//! One run, in a process of its own: `voidage measure` reads what is to be run from standard input and writes what it
+//! found to standard output. A process of its own keeps times clean: nothing is warm, nothing else is in memory, and
+//! the system counts what it and its fluid solver used.
 
 use super::file::{Case, FieldName, GrainColumn, Of, Quantity};
 use super::plan::{Run, THREADS, sets};

@@ -17,7 +17,8 @@ pub const THREADS: &str = "threads";
 /// One run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Run {
-    /// What tells it from all others: a hash of what it is, how it is set, what is looked at, and the version of the program.
+    /// What tells it from all others: a hash of what it is, how it is set, what is looked at, and the version of the
+    /// program.
     pub id: String,
     /// Its settings.
     pub settings: Settings,

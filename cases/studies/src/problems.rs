@@ -84,8 +84,9 @@ fn outside(key: &str, value: impl fmt::Display, help: &str) -> Result<(), Fault>
 }
 
 /// Steady flow with heat through a still field of voidage, made a solution by sources (C1 of `tests/manufactured.py`).
-/// Five long steps of two Newton iterations. Errors: `u`, `p`, `T` in L2, `grad u` and `grad T` in L2, each over its norm.
-/// The Rust solver and the others have fields, sources, meshes and errors of their own (`voidage.manufactured` in Python).
+/// Five long steps of two Newton iterations. Errors: `u`, `p`, `T` in L2, `grad u` and `grad T` in L2, each over its
+/// norm. The Rust solver and the others have fields, sources, meshes and errors of their own (`voidage.manufactured` in
+/// Python).
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Manufactured {
@@ -265,14 +266,15 @@ impl Slip {
     }
 }
 
-/// A stack of discs from a cold start, one step. Error: `forces`, the 2-norm of the errors of all contact forces over that
-/// of the forces. Contact k of N carries (N - k + 1) m g.
+/// A stack of discs from a cold start, one step. Error: `forces`, the 2-norm of the errors of all contact forces over
+/// that of the forces. Contact k of N carries (N - k + 1) m g.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Stack {
     /// Discs. 2 or more. Default 100.
     pub count: usize,
-    /// Share of the energy of the changes of the velocities which that of their error may have when the sweeps stop. Above
+    /// Share of the energy of the changes of the velocities which that of their error may have when the sweeps stop.
+    /// Above
     /// 0. Default 1e-3.
     pub tolerance: f64,
     /// `"none"`, plain Gauss-Seidel, or `"momentum"`. Default `"momentum"`.

@@ -1,5 +1,6 @@
-//! `measured.csv`: one row per run, on disk when the run is done, so that a study that was stopped goes on behind its last
-//! row. Each part of a study that runs on several machines has a file of its own, `measured-I-of-N.csv`; all are read.
+//! `measured.csv`: one row per run, on disk when the run is done, so that a study that was stopped goes on behind its
+//! last row. Each part of a study that runs on several machines has a file of its own, `measured-I-of-N.csv`; all are
+//! read.
 
 use super::child::Timed;
 use super::measure::Measured;

@@ -34,14 +34,14 @@ pub fn grid(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
     box_mesh(size, squares, Diagonals::Alternating)
 }
 
-/// The same with diagonals that are parallel: all nodes inside have cells alike, so that a lattice of grains weighs the same on
-/// each.
+/// The same with diagonals that are parallel: all nodes inside have cells alike, so that a lattice of grains weighs the
+/// same on each.
 pub fn parallel(size: [f64; 2], squares: [usize; 2]) -> Result<Mesh<2>> {
     box_mesh(size, squares, Diagonals::Rising)
 }
 
-/// The same one square wide. Grains in its middle weigh the same on both sides of every height but the lowest and highest: a
-/// column of one dimension.
+/// The same one square wide. Grains in its middle weigh the same on both sides of every height but the lowest and
+/// highest: a column of one dimension.
 pub fn column(size: [f64; 2], squares: usize) -> Result<Mesh<2>> {
     parallel(size, [1, squares])
 }
@@ -229,8 +229,8 @@ pub fn cake(sides: usize) -> Mesh<2> {
     Mesh { points, cells, boundaries: vec![rim], periodic: Periodic::default() }
 }
 
-/// A ring round the origin between two radii (m), cut along `rings` circles whose radii grow by one factor and `sectors`
-/// rays; its boundaries are called inner and outer.
+/// A ring round the origin between two radii (m), cut along `rings` circles whose radii grow by one factor and
+/// `sectors` rays; its boundaries are called inner and outer.
 pub fn annulus(inner: f64, outer: f64, rings: usize, sectors: usize) -> Mesh<2> {
     let place = |ring: usize, sector: usize| {
         let radius = inner * (outer / inner).powf(ring as f64 / rings as f64);
@@ -288,7 +288,8 @@ pub fn held_points(mesh: &Mesh<2>, voidage: f64, drag: f64) -> Points<2> {
     }
 }
 
-/// Moves the points of a mesh of the unit square towards its sides: x becomes x - share sin(2 pi x) / (2 pi), likewise y.
+/// Moves the points of a mesh of the unit square towards its sides: x becomes x - share sin(2 pi x) / (2 pi), likewise
+/// y.
 pub fn crowd_at_walls(mesh: &mut Mesh<2>, share: f64) {
     let full = 2.0 * std::f64::consts::PI;
     mesh.points.iter_mut().for_each(|x| *x -= x.map(|x| share * (full * x).sin() / full));
@@ -324,8 +325,9 @@ pub fn weightless() -> Settings<2> {
 /// Speeds so small that drag is linear and convection is below round-off.
 const CREEP: f64 = 1e-18;
 
-/// A homogeneous mixture whose grains turn like a rigid body, the fluid at rest, in a round box without wall friction: no
-/// strain, no divergence, no flow through the rim, so that nothing but drag acts. The slip decays at the sum of the rates.
+/// A homogeneous mixture whose grains turn like a rigid body, the fluid at rest, in a round box without wall friction:
+/// no strain, no divergence, no flow through the rim, so that nothing but drag acts. The slip decays at the sum of the
+/// rates.
 pub struct SlipBox {
     /// Grains and fluid.
     pub system: Coupled<2>,

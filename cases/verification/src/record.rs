@@ -1,4 +1,5 @@
-//! The tables, written as cases finish: `verification.csv`, one row per finding, and `curves.csv`, the points of the plots.
+//! The tables, written as cases finish: `verification.csv`, one row per finding, and `curves.csv`, the points of the
+//! plots.
 
 use super::{Case, Outcome};
 use serde::Serialize;

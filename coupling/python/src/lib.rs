@@ -39,7 +39,8 @@ mod _voidage {
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }
 
-/// Says which interpreter this is, and in which folder it has this package: processes that are started from here use both.
+/// Says which interpreter this is, and in which folder it has this package: processes that are started from here use
+/// both.
 #[pyfunction]
 fn environment(python: PathBuf, packages: PathBuf) {
     Environment { python, packages }.is_here();

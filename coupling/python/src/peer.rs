@@ -48,8 +48,8 @@ pub struct Peer {
 #[pymethods]
 impl Peer {
     /// Connects to the run at `address` (`shm:NAME` or `tcp:HOST:PORT`), waiting at most `wait` seconds for it to be
-    /// there. `solver` is the name to present oneself with, `token` what the run asks for; without one it is that of the
-    /// environment, VOIDAGE_TOKEN.
+    /// there. `solver` is the name to present oneself with, `token` what the run asks for; without one it is that of
+    /// the environment, VOIDAGE_TOKEN.
     #[new]
     #[pyo3(signature = (address, solver, *, wait=60.0, token=None))]
     fn new(
@@ -237,7 +237,8 @@ impl Frame {
         Mesh::new(py, &mesh)
     }
 
-    /// Copies of the accepted fields of a request of the kind `mesh` or `state`: `velocity`, `pressure` and the list `scalars`.
+    /// Copies of the accepted fields of a request of the kind `mesh` or `state`: `velocity`, `pressure` and the list
+    /// `scalars`.
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (header, payload) = (self.frame.header(), self.frame.payload());
         let fields = match self.frame.kind() {
@@ -247,8 +248,8 @@ impl Frame {
         field_arrays(py, &fields.map_err(exception)?)
     }
 
-    /// The points of a step by name: columns as in `voidage.Points`, with a list `scalars` of (coefficient, mobility, value) or
-    /// None; None without grains.
+    /// The points of a step by name: columns as in `voidage.Points`, with a list `scalars` of (coefficient, mobility,
+    /// value) or None; None without grains.
     fn points<'py>(this: Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let (py, frame) = (this.py(), this.get());
         let Some((place, _)) = &frame.points else { return Ok(None) };
@@ -273,8 +274,8 @@ impl Frame {
         self.nodal(py, self.source.as_ref(), "a source")
     }
 
-    /// Copies of the places of the nodes at the end of a step and of their velocities, (n, 2) each; None if the mesh stands
-    /// still.
+    /// Copies of the places of the nodes at the end of a step and of their velocities, (n, 2) each; None if the mesh
+    /// stands still.
     fn motion<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
         let Some(places) = &self.motion else { return Ok(None) };
         let [points, velocity] = places.read::<2>(self.payload());

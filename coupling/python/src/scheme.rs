@@ -134,10 +134,10 @@ impl System {
         })
     }
 
-    /// Moves the grains by a step under `force` (g, D), N, and `heat` (g), W, from which the drag and the heat transfer of the
-    /// grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts included. Returns the mean
-    /// velocity over the step, (g, D), and the mean temperature, (g), if there is heat; `grains["force"]` and `grains["heat"]` are
-    /// then what is left of the forcing.
+    /// Moves the grains by a step under `force` (g, D), N, and `heat` (g), W, from which the drag and the heat transfer
+    /// of the grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts
+    /// included. Returns the mean velocity over the step, (g, D), and the mean temperature, (g), if there is heat;
+    /// `grains["force"]` and `grains["heat"]` are then what is left of the forcing.
     #[pyo3(signature = (force, heat=None))]
     fn drive_grains<'py>(
         &self,

@@ -18,13 +18,12 @@ use voidage_scene::{Scene, Solver, Time};
 
 /// A scene in motion.
 ///
-/// `scene` is the path of a scene file or the name of a shipped case, `set` changes keys of it, as in {"fluid.solver.newton": 2} or
-/// ["fluid.solver.newton=2"]. `fluid` is the
-/// name of a solver as `voidage run --fluid` has it, or a solver in this process, an object with the methods of
-/// `voidage.Solver`; without it the scene says which. `scheme` is the
-/// name of a coupling scheme or an object with a method `step(system, dt)`. `restart` is a checkpoint of the same
-/// scene to go on from. `threads` is the number of threads of this process; results do not depend on it. `log` gets
-/// the output of a solver in a process of its own.
+/// `scene` is the path of a scene file or the name of a shipped case, `set` changes keys of it, as in
+/// {"fluid.solver.newton": 2} or ["fluid.solver.newton=2"]. `fluid` is the name of a solver as `voidage run --fluid`
+/// has it, or a solver in this process, an object with the methods of `voidage.Solver`; without it the scene says
+/// which. `scheme` is the name of a coupling scheme or an object with a method `step(system, dt)`. `restart` is a
+/// checkpoint of the same scene to go on from. `threads` is the number of threads of this process; results do not
+/// depend on it. `log` gets the output of a solver in a process of its own.
 #[pyclass(module = "voidage")]
 pub struct Simulation {
     /// Never contended: it makes of what may be sent to another thread something that may be shared.

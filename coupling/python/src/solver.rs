@@ -120,7 +120,8 @@ fn point_arrays<'py>(py: Python<'py>, points: &Points<2>) -> PyResult<Bound<'py,
     point_dictionary(py, columns.collect::<PyResult<Vec<_>>>()?, points.scalars(), points.scalars.len())
 }
 
-/// The dictionary of the columns of points, in the order in which they lie; `mask` says which of the scalars have columns.
+/// The dictionary of the columns of points, in the order in which they lie; `mask` says which of the scalars have
+/// columns.
 pub fn point_dictionary<'py>(
     py: Python<'py>,
     columns: Vec<(&'static str, Bound<'py, PyAny>)>,

@@ -11,7 +11,8 @@ pub fn read_only<'py>(frame: &Bound<'py, Frame>, range: Range<usize>, width: usi
     let (numbers, base) = (&frame.get().payload()[range], frame.clone().into_any());
     if width == 1 {
         let view = ArrayView1::from(numbers);
-        // SAFETY: the frame is immutable and keeps its payload in place; it is the base of the array, so it outlives it.
+        // SAFETY: the frame is immutable and keeps its payload in place; it is the base of the array, so it outlives
+        // it.
         let array = unsafe { PyArray1::borrow_from_array(&view, base) };
         drop(array.readwrite().make_nonwriteable());
         return array.into_any();

@@ -93,7 +93,8 @@ pub fn remote<const D: usize>(backend: &Backend, host: &Host, setup: &Setup<D>) 
     RemoteFluid::new(channel, Some(process), name, (timeout, token), setup)
 }
 
-/// Checks that a run that waits for a solver from other machines asks for a token: the first to come would be the solver.
+/// Checks that a run that waits for a solver from other machines asks for a token: the first to come would be the
+/// solver.
 ///
 /// # Errors
 /// It does not.
@@ -146,7 +147,8 @@ pub fn python(interpreter: &Path, statement: &str) -> Command {
     let mut command = Command::new(interpreter);
     command.arg("-c");
     match ENVIRONMENT.get() {
-        // Behind all others: another interpreter has packages of its own (Debian's numpy is the one that its dolfinx fits).
+        // Behind all others: another interpreter has packages of its own (Debian's numpy is the one that its dolfinx
+        // fits).
         Some(environment) => {
             command.arg(format!("import sys; sys.path.append({:?}); {statement}", environment.packages))
         }

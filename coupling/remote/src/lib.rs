@@ -1,8 +1,8 @@
 //! Fluid solvers in other processes.
 //!
-//! [`protocol`] says what is exchanged, [`transport`] how it gets there: shared memory (iceoryx2, named in this crate only) or TCP.
-//! [`remote`] is a solver as the grains see it, [`peer`] the run as a solver sees it. [`launch`] starts solvers, and
-//! [`serve`] is the Rust solver as a process of its own.
+//! [`protocol`] says what is exchanged, [`transport`] how it gets there: shared memory (iceoryx2, named in this crate
+//! only) or TCP. [`remote`] is a solver as the grains see it, [`peer`] the run as a solver sees it. [`launch`] starts
+//! solvers, and [`serve`] is the Rust solver as a process of its own.
 
 pub mod launch;
 pub mod peer;

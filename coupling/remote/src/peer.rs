@@ -33,8 +33,8 @@ pub struct Peer {
 
 impl Peer {
     /// Connects to a run, waiting so long for it to be there, and returns its setup, a JSON text
-    /// ([`crate::protocol::Setup`]). `solver` is the name and version to present oneself with, `token` the word that the run asks
-    /// for.
+    /// ([`crate::protocol::Setup`]). `solver` is the name and version to present oneself with, `token` the word that
+    /// the run asks for.
     ///
     /// # Errors
     /// There is no such run, it is of another version, or it asks for another token.
@@ -66,8 +66,8 @@ impl Peer {
         Ok((peer, setup.text()?))
     }
 
-    /// Ends this process, with exit code 1, when the run is gone while a request is being answered: nobody waits for the
-    /// answer, and a solve may be long.
+    /// Ends this process, with exit code 1, when the run is gone while a request is being answered: nobody waits for
+    /// the answer, and a solve may be long.
     pub fn end_with_run(&self) {
         self.heart.ends.store(true, Ordering::Relaxed);
     }
@@ -136,8 +136,8 @@ impl Peer {
         self.answer_text(Kind::Error, text)
     }
 
-    /// Waits until the run has read the last answer, which its goodbye says: shared memory that it has not opened yet goes with
-    /// this process.
+    /// Waits until the run has read the last answer, which its goodbye says: shared memory that it has not opened yet
+    /// goes with this process.
     pub fn linger(&mut self) {
         // A run that is gone reads nothing.
         let _ = self.receive(LINGER);

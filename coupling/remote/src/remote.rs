@@ -44,8 +44,8 @@ pub struct RemoteFluid<const D: usize> {
 }
 
 impl<const D: usize> RemoteFluid<D> {
-    /// Waits for the solver at the other end of a channel, which greets with the token, and tells it the setup. `name` stands in
-    /// errors, `timeout` is the longest silence.
+    /// Waits for the solver at the other end of a channel, which greets with the token, and tells it the setup. `name`
+    /// stands in errors, `timeout` is the longest silence.
     ///
     /// # Errors
     /// No solver comes, or one of another version.

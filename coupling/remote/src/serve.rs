@@ -13,8 +13,8 @@ use voidage_fluid::conditions::Condition;
 use voidage_fluid::points::Points;
 use voidage_fluid::{Mesh, MeshMotion};
 
-/// Serves a run with the Rust solver until it says goodbye, or ends this process when the run is gone. `wait` is how long the run may take to be there, `token` the word that
-/// it asks for.
+/// Serves a run with the Rust solver until it says goodbye, or ends this process when the run is gone. `wait` is how
+/// long the run may take to be there, `token` the word that it asks for.
 ///
 /// # Errors
 /// There is no such run, it is gone, or the solver failed (which the run has been told).

@@ -10,7 +10,8 @@ use voidage_coupling::Notice;
 #[serde(deny_unknown_fields, default)]
 pub struct Backend {
     /// The solver: `"rust"` in the process of the grains; in a process of its own `"serve"` (the same), `"fenicsx"`,
-    /// `"scikit-fem"` or `{python = "MODULE"}`; or one that is started by hand, `{attach = "ADDRESS"}`. Default `"rust"`.
+    /// `"scikit-fem"` or `{python = "MODULE"}`; or one that is started by hand, `{attach = "ADDRESS"}`. Default
+    /// `"rust"`.
     pub solver: Solver,
     /// How frames reach a process that is started here. Default `"shm"`.
     #[serde(skip_serializing_if = "Option::is_none")]

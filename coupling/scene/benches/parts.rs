@@ -1,7 +1,7 @@
 //! What each part of a scene costs: a step of the quick bubbling bed with and without it.
 //!
-//! `cargo bench -p voidage-coupling --bench parts`: medians over the rounds, in which the scenes run by turns. Each runs its own
-//! bed, so that contacts differ a little with what they do.
+//! `cargo bench -p voidage-coupling --bench parts`: medians over the rounds, in which the scenes run by turns. Each
+//! runs its own bed, so that contacts differ a little with what they do.
 
 use std::path::Path;
 use voidage_scene::{Scene, Simulation};

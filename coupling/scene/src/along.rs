@@ -8,8 +8,8 @@ use voidage_fluid::{Mesh, Vector};
 const STRAIGHT: f64 = 1e-9;
 
 impl Scene {
-    /// Puts straight walls in the place of those that follow a part of the boundary. The first of several is called as the wall that was
-    /// asked for, with `-1`, the next with `-2` and so on.
+    /// Puts straight walls in the place of those that follow a part of the boundary. The first of several is called as
+    /// the wall that was asked for, with `-1`, the next with `-2` and so on.
     pub(super) fn lay_walls(&mut self) -> Result<(), Box<SceneError>> {
         if self.walls.iter().all(|wall| wall.along.is_none()) {
             return Ok(());

@@ -1,7 +1,7 @@
 //! What a scene has changed since a checkpoint was written, and whether a run can go on with it.
 //!
-//! Keys of laws, of what acts from outside and of how equations are solved may change. What the checkpoint holds itself (the grains, the
-//! mesh, the fields) may not: a new value would change nothing.
+//! Keys of laws, of what acts from outside and of how equations are solved may change. What the checkpoint holds itself
+//! (the grains, the mesh, the fields) may not: a new value would change nothing.
 
 use crate::Scene;
 use crate::recorder::{Checkpoint, Kept};
@@ -10,7 +10,8 @@ use std::fmt;
 use toml::Value;
 use voidage_coupling::error::{Error, Notice, Result};
 
-/// Keys that may change at a restart and by an event, with `*` for a name or a number in a list; tables with all that is in them.
+/// Keys that may change at a restart and by an event, with `*` for a name or a number in a list; tables with all that
+/// is in them.
 pub(crate) const LAWS: &[&str] = &[
     "materials.*.friction",
     "materials.*.restitution",

@@ -66,8 +66,8 @@ pub struct SideBySide<const D: usize> {
 }
 
 impl<const D: usize> SideBySide<D> {
-    /// `first`, which has its mesh and the fields already, and the others by name, compared in the given steps (the first step is
-    /// 1); `density` is that of the fluid, kg/m3, `scalars` the names of its scalars.
+    /// `first`, which has its mesh and the fields already, and the others by name, compared in the given steps (the
+    /// first step is 1); `density` is that of the fluid, kg/m3, `scalars` the names of its scalars.
     pub fn new(
         first: Box<dyn FluidBackend<D>>,
         (mesh, fields): (&Mesh<D>, &State<D>),
@@ -205,8 +205,9 @@ fn at_points<const D: usize>(
     found
 }
 
-/// Differences of what passes the parts of the boundary; none where a solver does not compute it. `driver` is the flux across the
-/// mesh of the largest velocity, or of that which the pressure would drive: nothing but rounding passes the walls of a closed box.
+/// Differences of what passes the parts of the boundary; none where a solver does not compute it. `driver` is the flux
+/// across the mesh of the largest velocity, or of that which the pressure would drive: nothing but rounding passes the
+/// walls of a closed box.
 fn at_boundary<const D: usize>(
     scalars: &[String],
     driver: f64,

@@ -20,7 +20,8 @@ pub trait Document: DeserializeOwned + JsonSchema {
 impl Document for Scene {
     const KEYS: &'static str = "voidage schema";
 
-    /// `radius = 5e-4` for `{constant = 5e-4}`; `"open"` for `{open = {}}`, of scalars `"outflow"` for `{outflow = {}}`.
+    /// `radius = 5e-4` for `{constant = 5e-4}`; `"open"` for `{open = {}}`, of scalars `"outflow"` for `{outflow =
+    /// {}}`.
     fn expand(document: &mut Table) {
         let alone = |key: &str, value: Value| Value::Table(Table::from_iter([(key.to_owned(), value)]));
         let in_short = |value: &mut Value, word: &str| {

@@ -8,8 +8,8 @@ use voidage_coupling::droplet::{Buoyancy, GrainShare, Inside};
 use voidage_coupling::remesh::Remesh;
 use voidage_fluid::body::{Blowing, HeatFlux};
 
-/// A droplet of liquid that boils in hot gas and grains, falls, and digs (Henry et al., section 4). It is a hole of the mesh, without a table in
-/// `[[fluid.boundaries]]`.
+/// A droplet of liquid that boils in hot gas and grains, falls, and digs (Henry et al., section 4). It is a hole of the
+/// mesh, without a table in `[[fluid.boundaries]]`.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Droplet {

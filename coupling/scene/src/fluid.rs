@@ -66,9 +66,9 @@ pub enum MeshSource {
     File(PathBuf),
 }
 
-/// A mesh that oscillates: each node by its weight times `amplitude sin(2 pi frequency t)`. The weight is 1 on the boundary
-/// that moves, 0 on the others, smooth between. Walls without slip take the fluid along with their nodes, walls with slip
-/// push it; walls that the grains meet (`[[walls]]`) move by laws of their own.
+/// A mesh that oscillates: each node by its weight times `amplitude sin(2 pi frequency t)`. The weight is 1 on the
+/// boundary that moves, 0 on the others, smooth between. Walls without slip take the fluid along with their nodes,
+/// walls with slip push it; walls that the grains meet (`[[walls]]`) move by laws of their own.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshMotion {
@@ -100,7 +100,8 @@ pub struct FluidHeat {
     pub reference_temperature: Option<f64>,
     /// Temperature at the start, K.
     pub initial_temperature: f64,
-    /// How the equation is discretised: `"consistent"` (as Henry et al.), `"lumped"` or `"monotone"`. Default `"consistent"`.
+    /// How the equation is discretised: `"consistent"` (as Henry et al.), `"lumped"` or `"monotone"`. Default
+    /// `"consistent"`.
     #[serde(default)]
     pub form: Form,
 }
@@ -244,8 +245,8 @@ pub enum ScalarBoundary {
 pub struct FluidSolver {
     /// Linear solver. Default `"auto"`: the fastest for the dimension.
     pub linear: LinearMethod,
-    /// Relative residual of the linear systems. Above 0, at most 1e-2: with more, fields of the wrong size count as solved. Default
-    /// 1e-8.
+    /// Relative residual of the linear systems. Above 0, at most 1e-2: with more, fields of the wrong size count as
+    /// solved. Default 1e-8.
     pub tolerance: f64,
     /// Newton iterations per time step. Default 1.
     pub newton: usize,
@@ -276,14 +277,15 @@ pub enum LinearMethod {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Coupling {
-    /// Coupling scheme: `"iterated"` (fluid and grains in turn until they agree), `"anchored"` (the same, once), `"henry"`
-    /// (predicted velocity with the last contact force), `"henry-free"` (without it), `"lagged"` or `"explicit"`.
-    /// Default `"iterated"`.
+    /// Coupling scheme: `"iterated"` (fluid and grains in turn until they agree), `"anchored"` (the same, once),
+    /// `"henry"` (predicted velocity with the last contact force), `"henry-free"` (without it), `"lagged"` or
+    /// `"explicit"`. Default `"iterated"`.
     pub scheme: SchemeName,
     /// When and how the scheme `"iterated"` goes on. Default: the defaults of its keys.
     pub iteration: Iteration,
-    /// Steps in parts: a step in which a grain moves further than `travel`, or in which the scheme `"iterated"` does not reach its
-    /// tolerance, is done in halves, quarters and so on down to 1/64. `{}` takes the default of `travel`. Default: steps are whole.
+    /// Steps in parts: a step in which a grain moves further than `travel`, or in which the scheme `"iterated"` does
+    /// not reach its tolerance, is done in halves, quarters and so on down to 1/64. `{}` takes the default of `travel`.
+    /// Default: steps are whole.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cut: Option<Cutting>,
     /// Drag law; `voidage closures` draws them. All but `"dallavalle"` take neighbours into account by themselves,
@@ -296,8 +298,9 @@ pub struct Coupling {
     /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatTransfer>,
-    /// Values of scalars of the fluid, by name, below which contacts stick (`contacts.cohesion`): `{vapour = 0.9}`. What counts is the
-    /// mean over a grain at the start of the step, and a contact sticks if both its grains may. Default: none, contacts stick everywhere.
+    /// Values of scalars of the fluid, by name, below which contacts stick (`contacts.cohesion`): `{vapour = 0.9}`.
+    /// What counts is the mean over a grain at the start of the step, and a contact sticks if both its grains may.
+    /// Default: none, contacts stick everywhere.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub cohesion_below: BTreeMap<String, f64>,
 }

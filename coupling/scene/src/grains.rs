@@ -48,8 +48,8 @@ pub struct Grains {
     /// have their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
-    /// Share of the disc that is solid, above 0 up to 1: in a fluid 0.8165 makes the densest bed of discs as dense as one of
-    /// spheres. Default 1.
+    /// Share of the disc that is solid, above 0 up to 1: in a fluid 0.8165 makes the densest bed of discs as dense as
+    /// one of spheres. Default 1.
     #[serde(default = "one")]
     pub solidity: f64,
     /// How many: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`; of a source how many in
@@ -276,8 +276,8 @@ pub struct Sink {
     pub end: Option<f64>,
 }
 
-/// A box into which grains are poured from above, on its floor, between its sides and on the walls in it (as they stand at
-/// time 0).
+/// A box into which grains are poured from above, on its floor, between its sides and on the walls in it (as they stand
+/// at time 0).
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deposit {
@@ -288,15 +288,17 @@ pub struct Deposit {
     /// Seed of the random numbers. Default 1.
     #[serde(default = "first_seed")]
     pub seed: u64,
-    /// How the bed is built: `"drop-and-roll"`, each grain let go at a random place, falling and rolling to where it is held;
-    /// or `"dense"`, above the lowest place, and of eight grains the one that fits there best. Default `"drop-and-roll"`.
+    /// How the bed is built: `"drop-and-roll"`, each grain let go at a random place, falling and rolling to where it is
+    /// held; or `"dense"`, above the lowest place, and of eight grains the one that fits there best. Default
+    /// `"drop-and-roll"`.
     #[serde(default)]
     pub method: Method,
-    /// Coulomb friction coefficient while the bed settles, between grains and at walls: 0 gives the densest bed. Default: that of
-    /// the materials and walls.
+    /// Coulomb friction coefficient while the bed settles, between grains and at walls: 0 gives the densest bed.
+    /// Default: that of the materials and walls.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
-    /// Whether contacts bring the bed to rest before time 0; else it starts as it was built, and may settle then. Default true.
+    /// Whether contacts bring the bed to rest before time 0; else it starts as it was built, and may settle then.
+    /// Default true.
     #[serde(default = "yes")]
     pub settle: bool,
 }
@@ -384,8 +386,8 @@ pub struct Wall {
     /// Second end, m.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub to: Coordinates,
-    /// Name of a part of the boundary of the mesh that the wall follows, where the mesh is at the start, as straight walls. Default: none,
-    /// `from` and `to` say where it is.
+    /// Name of a part of the boundary of the mesh that the wall follows, where the mesh is at the start, as straight
+    /// walls. Default: none, `from` and `to` say where it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub along: Option<String>,
     /// Name of one of the materials: friction, rolling, restitution and conductivity. Default: none, a perfect
@@ -472,11 +474,11 @@ pub struct Rotation {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Contacts {
-    /// Energy that the error of the velocities may have, as a share of the energy of what a sub-step changes of them. At
-    /// rest, where little changes, it is a share of 0.5 % of the energy that the forces of a step bring. A grain whose contacts
-    /// take all that forces bring but a hundredth of that energy rests: it stays where it is. Above 0, at most 0.1: with more,
-    /// unsolved contacts would count as solved. Default 0.02, with which a grain rests at 1e-3 of the speed that forces give in a
-    /// step.
+    /// Energy that the error of the velocities may have, as a share of the energy of what a sub-step changes of them.
+    /// At rest, where little changes, it is a share of 0.5 % of the energy that the forces of a step bring. A grain
+    /// whose contacts take all that forces bring but a hundredth of that energy rests: it stays where it is. Above 0,
+    /// at most 0.1: with more, unsolved contacts would count as solved. Default 0.02, with which a grain rests at 1e-3
+    /// of the speed that forces give in a step.
     pub tolerance: f64,
     /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
     pub max_sweeps: usize,
@@ -485,11 +487,12 @@ pub struct Contacts {
     pub interior: bool,
     /// Share of its radius that a grain may cross in one sub-step. Default 0.5.
     pub max_travel: f64,
-    /// Most sub-steps of a step: what is left then is gone in the last. Who flies far in it may pass into others, so that the step
-    /// counts as not converged. Default 1000.
+    /// Most sub-steps of a step: what is left then is gone in the last. Who flies far in it may pass into others, so
+    /// that the step counts as not converged. Default 1000.
     pub max_substeps: usize,
-    /// Overlap of two grains, or of a grain and a wall, that ends the run, as a share of the radius of the smaller grain. From 0.05 to 1,
-    /// where the centre of a grain is on the wall. A run says at which step the overlap first exceeds 0.05. Default 0.5.
+    /// Overlap of two grains, or of a grain and a wall, that ends the run, as a share of the radius of the smaller
+    /// grain. From 0.05 to 1, where the centre of a grain is on the wall. A run says at which step the overlap first
+    /// exceeds 0.05. Default 0.5.
     pub max_penetration: f64,
     /// Whether grains spin. Default true.
     pub rotation: bool,

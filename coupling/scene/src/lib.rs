@@ -1,5 +1,5 @@
-//! Scenes: what a run reads, the systems that they describe ([`build`]), and runs of them ([`Simulation`], [`recorder`]). TOML, SI
-//! units (in the plane everything is per metre of depth).
+//! Scenes: what a run reads, the systems that they describe ([`build`]), and runs of them ([`Simulation`],
+//! [`recorder`]). TOML, SI units (in the plane everything is per metre of depth).
 //!
 //! The structs below are the documentation of the file: every key says its meaning, unit and default, and
 //! `voidage schema` prints them. Physics that a scene does not mention is off: no `[[grains]]`, no grains; no
@@ -76,7 +76,8 @@ pub struct Scene {
     /// Materials of grains and walls, by name. Default: none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub materials: BTreeMap<String, Material>,
-    /// Groups of grains, in the order in which they are numbered. Default: none, and then nothing of the grains is built.
+    /// Groups of grains, in the order in which they are numbered. Default: none, and then nothing of the grains is
+    /// built.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grains: Vec<Grains>,
     /// Where grains leave the run; they do so through open boundaries of the fluid too. Default: nowhere else.

@@ -199,7 +199,7 @@ fn read_state(file: &Path) -> Result<(voidage_dem::State<2>, Vec<String>)> {
     let walls: Walls = toml::from_str(&kept.course).map_err(|error| {
         Error::input(format!("{}: the scene in it cannot be read: {error}", file.display()))
     })?;
-    match checkpoint.state::<crate::simulation::State>()?.grains {
+    match crate::simulation::State::of(&checkpoint)?.grains {
         Some(grains) => Ok((grains, walls.walls.into_iter().map(|wall| wall.name).collect())),
         None => Err(Error::input(format!("{}: the run had no grains", file.display()))),
     }

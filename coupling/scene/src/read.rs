@@ -33,7 +33,8 @@ impl Scene {
             (scene, document) = match (fill(&edit.inserted), fill(&edit.replaced)) {
                 (Ok(scene), _) => (scene, edit.inserted),
                 (Err(_), Ok(scene)) => (scene, edit.replaced),
-                // Beside another choice the new one cannot be read; in its place it may be wrong for a reason of its own.
+                // Beside another choice the new one cannot be read; in its place it may be wrong for a reason of its
+                // own.
                 (Err(first), Err(alone)) => {
                     let fault =
                         if first.notice.what.contains(", where one is chosen") { alone } else { first };
@@ -127,8 +128,8 @@ impl Scene {
         toml::to_string(self).map_err(|error| Error::run(format!("cannot write the scene as TOML: {error}")))
     }
 
-    /// What decides the course of a run: the scene without its title, its end, what stops it, its output and the program that
-    /// solves the fluid.
+    /// What decides the course of a run: the scene without its title, its end, what stops it, its output and the
+    /// program that solves the fluid.
     fn course(&self) -> Scene {
         let mut bare = self.clone();
         bare.title = String::new();
@@ -140,15 +141,16 @@ impl Scene {
         bare
     }
 
-    /// The course of the run as TOML, without the places of its files: two runs of equal texts and equal files are equal.
+    /// The course of the run as TOML, without the places of its files: two runs of equal texts and equal files are
+    /// equal.
     pub fn course_toml(&self) -> Result<String> {
         let mut bare = self.course();
         bare.files_mut().for_each(|file| *file = PathBuf::new());
         bare.to_toml()
     }
 
-    /// A hash (blake3, hexadecimal) of [`Self::course_toml`] and the content of the files that the scene names. Equal hashes: a checkpoint
-    /// of one restarts the other.
+    /// A hash (blake3, hexadecimal) of [`Self::course_toml`] and the content of the files that the scene names. Equal
+    /// hashes: a checkpoint of one restarts the other.
     pub fn hash(&self) -> Result<String> {
         let mut hasher = blake3::Hasher::new();
         for file in self.course().files_mut() {

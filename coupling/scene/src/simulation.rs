@@ -88,6 +88,67 @@ pub struct State {
     since: Since,
 }
 
+impl State {
+    /// The state in a checkpoint.
+    ///
+    /// # Errors
+    /// What cannot be decoded, columns of other lengths than the number of grains or nodes, values that are not finite.
+    pub(crate) fn of(checkpoint: &Checkpoint) -> Result<Self> {
+        let state: Self = checkpoint.state()?;
+        let stamp = &checkpoint.stamp;
+        // The sum of the steps drifts in its last digits.
+        let stamped = stamp.step == state.steps && (stamp.time - state.time).abs() <= 1e-6 * stamp.time.abs();
+        let wrong = (!stamped).then(|| "its time is not that of its head".to_owned());
+        match wrong.or_else(|| state.wrong()) {
+            Some(what) => Err(checkpoint.refused(&what)),
+            None => Ok(state),
+        }
+    }
+
+    /// What cannot be of a run, in words.
+    fn wrong(&self) -> Option<String> {
+        if let Some(Err(error)) = self.grains.as_ref().map(voidage_dem::State::validate) {
+            return Some(error.to_string());
+        }
+        let grains = self.grains.as_ref().map_or(0, |grains| grains.particles.len());
+        let finite = |columns: &[&[f64]]| columns.iter().all(|column| column.iter().all(|x| x.is_finite()));
+        let vectors = |columns: &[&[Vector<2>]]| {
+            columns.iter().all(|column| column.iter().flatten().all(|x| x.is_finite()))
+        };
+        // Before the first step there are none.
+        let lengths = |columns: &[usize]| columns.iter().all(|length| [0, grains].contains(length));
+        let fluid = self.fluid.as_ref().is_none_or(|fields| {
+            let nodes = fields.pressure.len();
+            fields.velocity.len() == nodes
+                && vectors(&[&fields.velocity])
+                && finite(&[&fields.pressure])
+                && fields.scalars.iter().all(|values| values.len() == nodes && finite(&[values]))
+        });
+        let at = self.at.as_ref().is_none_or(|at| {
+            lengths(&[at.velocity.len(), at.pressure_gradient.len(), at.temperature.len()])
+                && vectors(&[&at.velocity, &at.pressure_gradient])
+                && finite(&[&at.temperature])
+        });
+        let carried = self.carried.as_ref().is_none_or(|carried| {
+            lengths(&[carried.impulse.len(), carried.displacement.len(), carried.heat.len()])
+                && vectors(&[&carried.impulse, &carried.displacement])
+                && finite(&[&carried.heat])
+        });
+        let time = self.time.is_finite() && self.time >= 0.0;
+        let heights = [self.surface, self.departed.1, self.bed_weight_per_area.unwrap_or(0.0)];
+        [
+            ("time", time),
+            ("fields of the fluid", fluid),
+            ("values of the fluid at the grains", at),
+            ("values of the coupling at the grains", carried),
+            ("height or weight of the bed", finite(&[&heights])),
+        ]
+        .iter()
+        .find(|(_, good)| !good)
+        .map(|(name, _)| format!("wrong {name}"))
+    }
+}
+
 /// An error on the way to the end of a step, with the number of the step and the time at its start, s.
 fn in_step(step: u64, time: f64, error: Error) -> Error {
     Error::run(error.notice().within(format_args!("step {step}, from t = {time:.6e} s")))
@@ -146,13 +207,13 @@ impl Simulation {
         })
     }
 
-    /// The scene at a checkpoint, with the grains that it has: none are placed. After a change of `time.step` the steps count as if all
-    /// had been of the new length.
+    /// The scene at a checkpoint, with the grains that it has: none are placed. After a change of `time.step` the steps
+    /// count as if all had been of the new length.
     ///
     /// # Errors
     /// Those of [`build::placed`], a checkpoint that does not fit the scene, a time that is no whole number of steps.
     pub fn restarted(scene: &Scene, host: &Host, checkpoint: &Checkpoint) -> Result<Self> {
-        let state: State = checkpoint.state()?;
+        let state = State::of(checkpoint)?;
         let mut placing = match &state.grains {
             Some(grains) => Placing::given(grains.particles.clone()),
             None => Placing::alone(),
@@ -165,7 +226,7 @@ impl Simulation {
     /// # Errors
     /// A checkpoint that does not fit the scene, a fluid solver that cannot be reached.
     pub fn restart(self, checkpoint: &Checkpoint) -> Result<Self> {
-        self.at(checkpoint.state()?)
+        self.at(State::of(checkpoint)?)
     }
 
     fn at(mut self, state: State) -> Result<Self> {
@@ -194,6 +255,21 @@ impl Simulation {
             grains.restore(state)?;
         }
         if let (Some(fluid), Some(fields)) = (coupled.fluid_mut(), state.fluid) {
+            let counts = |fields: &flow::State<2>| (fields.pressure.len(), fields.scalars.len());
+            let (here, there) = (counts(&fluid.accepted), counts(&fields));
+            if here.1 != there.1 || fluid.mesh.points.len() != there.0 {
+                let what = format!(
+                    "the checkpoint has {} scalars at {} nodes, the scene {} at {}",
+                    there.1,
+                    there.0,
+                    here.1,
+                    fluid.mesh.points.len()
+                );
+                return Err(Error::input(Notice::new(
+                    what,
+                    "restart with the scene.toml beside the checkpoint",
+                )));
+            }
             fluid.accepted = fields;
             fluid.start()?;
         }
@@ -211,7 +287,8 @@ impl Simulation {
         Ok(self)
     }
 
-    /// Lets other fluid solvers solve the given steps from the states of this run; `density` is that of the fluid, kg/m3.
+    /// Lets other fluid solvers solve the given steps from the states of this run; `density` is that of the fluid,
+    /// kg/m3.
     ///
     /// # Errors
     /// There is no fluid.
@@ -305,8 +382,8 @@ impl Simulation {
     /// One step.
     ///
     /// # Errors
-    /// Those of [`Coupled::step`], with step and time in front; [`Error::Penetration`] after a step in which grains came further
-    /// into each other or into walls than the scene allows: that step is done.
+    /// Those of [`Coupled::step`], with step and time in front; [`Error::Penetration`] after a step in which grains
+    /// came further into each other or into walls than the scene allows: that step is done.
     pub fn step(&mut self) -> Result<StepReport> {
         let (step, time) = (self.steps() + 1, self.time());
         self.change_laws(step - 1, |event, steps| event.after <= steps)
@@ -421,8 +498,8 @@ impl Simulation {
         View { grains, fluid, network: self.network.as_ref() }
     }
 
-    /// Columns of the series that the view does not show: how the last step went, and what passed the boundary in it; zeros before
-    /// the first, so that the columns are always the same.
+    /// Columns of the series that the view does not show: how the last step went, and what passed the boundary in it;
+    /// zeros before the first, so that the columns are always the same.
     pub fn readings(&self) -> Vec<Reading> {
         let (mut readings, last) = (Vec::<Reading>::new(), &self.last);
         if let Some(grains) = self.coupled.grains() {
@@ -521,7 +598,8 @@ impl Simulation {
         }
     }
 
-    /// What passed each part of the boundary of the mesh in the last step; no numbers where the solver does not compute it.
+    /// What passed each part of the boundary of the mesh in the last step; no numbers where the solver does not compute
+    /// it.
     fn boundary_readings(&self, fluid: &Fluid<2>, readings: &mut Vec<Reading>) {
         let steps = self.last.fluid.is_some();
         let none = Balance {

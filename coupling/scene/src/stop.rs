@@ -57,8 +57,8 @@ impl Watch {
         Self { stop: stop.cloned().unwrap_or_default(), slow_since: None }
     }
 
-    /// After a step: why the run ends at `time`, s, if it does; `speed` is that of the fastest grain, m/s, `wall` the time since
-    /// the start, s.
+    /// After a step: why the run ends at `time`, s, if it does; `speed` is that of the fastest grain, m/s, `wall` the
+    /// time since the start, s.
     pub fn after_step(&mut self, time: f64, speed: impl FnOnce() -> f64, wall: f64) -> Option<String> {
         if let Some(AtRest { speed: bound, during }) = self.stop.at_rest {
             // Written so that a speed that is no number is not at rest.

@@ -3,7 +3,8 @@
 use voidage_coupling::{Phases, StepReport};
 use voidage_dem::Partner;
 
-/// Overlap, as a share of the radius, above which a step is worth a warning: contacts that are solved keep a tenth of it.
+/// Overlap, as a share of the radius, above which a step is worth a warning: contacts that are solved keep a tenth of
+/// it.
 pub const DEEP: f64 = 0.05;
 
 /// Sums and extremes over the steps of this process; what the scene does not have is `None`.

@@ -1,8 +1,8 @@
 //! A droplet that boils in hot grains (Henry et al., section 4).
 //!
-//! The droplet is a hole in the mesh of the gas: the polygon of its nodes, of area pi r^2 ([`surface`]). For the gas it is a
-//! [`Body`](voidage_fluid::body::Body): what it boils by and how it moves are found with the gas, from the reactions of the discrete equations. Grains pass its surface
-//! freely and are cut by it ([`wet`]).
+//! The droplet is a hole in the mesh of the gas: the polygon of its nodes, of area pi r^2 ([`surface`]). For the gas it
+//! is a [`Body`](voidage_fluid::body::Body): what it boils by and how it moves are found with the gas, from the
+//! reactions of the discrete equations. Grains pass its surface freely and are cut by it ([`wet`]).
 //!
 //! ```text
 //! m dU/dt = (1 - V_p/V) F + sum gamma_w (v - U) + m g        m = rho_w V_f
@@ -10,14 +10,15 @@
 //! V       = V_f + V_p = pi r^2
 //! ```
 //!
-//! with the force F and heat Q of the gas, the liquid V_f and the solid V_p of the grains in it. Vapour leaves with the velocity of the droplet, so that the
-//! momentum of the droplet and its vapour is conserved.
+//! with the force F and heat Q of the gas, the liquid V_f and the solid V_p of the grains in it. Vapour leaves with the
+//! velocity of the droplet, so that the momentum of the droplet and its vapour is conserved.
 //!
-//! **Explicit geometry.** The equations of a step are solved where mesh, droplet and grains are at its start. Then all three move with
-//! the new velocities, and the radius follows from the volumes. So grains that ride with the droplet are not cut by a surface that is ahead of them.
+//! **Explicit geometry.** The equations of a step are solved where mesh, droplet and grains are at its start. Then all
+//! three move with the new velocities, and the radius follows from the volumes. So grains that ride with the droplet
+//! are not cut by a surface that is ahead of them.
 //!
-//! **The surface** moves with U + rdot s, and rdot is such that as much volume leaves the gas through it as vapour and liquid ask for,
-//! whatever the grains do that pass it:
+//! **The surface** moves with U + rdot s, and rdot is such that as much volume leaves the gas through it as vapour and
+//! liquid ask for, whatever the grains do that pass it:
 //!
 //! ```text
 //! rdot = (c_U + c_v - mdot/rho_w + eta C/dt) / E,   E = int eps s . (-n),   c_U = int eps U . n,   c_v = sum over chords of solid v . n
@@ -27,8 +28,9 @@
 //! pores is pushed out at the surface: solid v . n is then length v . n of the whole chord, and eps is less by the
 //! pores along the chords.
 //!
-//! What then is missing, because U and mdot were those of before, adds up in C and is given back, as what grains and gas disagree in is
-//! (`scheme::anchored`); so are the impulse J and the heat E of grains that moved otherwise than expected.
+//! What then is missing, because U and mdot were those of before, adds up in C and is given back, as what grains and
+//! gas disagree in is (`scheme::anchored`); so are the impulse J and the heat E of grains that moved otherwise than
+//! expected.
 
 mod choices;
 mod step;
@@ -98,8 +100,8 @@ pub struct DropletState<const D: usize> {
 /// [`Droplet::momentum_defect`] and [`Droplet::heat_defect`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ledger<const D: usize> {
-    /// Impulse of the gas, the grains, its weight and the walls that stop it, N s/m; with it that of the grains which it
-    /// has swallowed and which the gas still owed them.
+    /// Impulse of the gas, the grains, its weight and the walls that stop it, N s/m; with it that of the grains which
+    /// it has swallowed and which the gas still owed them.
     pub impulse: Vector<D>,
     /// Momentum that its vapour took along, N s/m.
     pub vapour: Vector<D>,
@@ -173,8 +175,9 @@ fn follow(mesh: &Mesh<2>, name: &str) -> Result<Vec<f64>> {
 }
 
 impl Droplet<2> {
-    /// A droplet without grains in it, in the hole of this name around a centre, of this radius (m): the hole is made as large by moving the nodes of
-    /// the mesh. `velocity` is that at the start (m/s), `growth` how fast edges become longer with the distance when the domain is remeshed.
+    /// A droplet without grains in it, in the hole of this name around a centre, of this radius (m): the hole is made
+    /// as large by moving the nodes of the mesh. `velocity` is that at the start (m/s), `growth` how fast edges become
+    /// longer with the distance when the domain is remeshed.
     ///
     /// # Errors
     /// The boundary does not go round the centre.

@@ -13,7 +13,8 @@ use voidage_fluid::{Mesh, Vector};
 /// Share of the first liquid below which a droplet vanishes.
 const VANISHES: f64 = 1e-3;
 
-/// Diameters of the widest grain in its water below which the radius makes a droplet vanish: it is no longer a body of liquid with grains in it.
+/// Diameters of the widest grain in its water below which the radius makes a droplet vanish: it is no longer a body of
+/// liquid with grains in it.
 const SMALLEST: f64 = 2.0;
 
 /// Least gap between droplet and boundary, in first radii: the mesh between them needs room.
@@ -147,9 +148,9 @@ impl<const D: usize> Droplet<D> {
         })
     }
 
-    /// Whether the droplet would come too near to another part of the boundary within `dt` (s) by the last solution, and is stopped in a
-    /// direction in which it was not: then the fluid is to be solved again. Nothing but the gas between them keeps a droplet from a wall, and where that
-    /// film is thinner than the mesh can show, this does.
+    /// Whether the droplet would come too near to another part of the boundary within `dt` (s) by the last solution,
+    /// and is stopped in a direction in which it was not: then the fluid is to be solved again. Nothing but the gas
+    /// between them keeps a droplet from a wall, and where that film is thinner than the mesh can show, this does.
     pub(crate) fn stop(&mut self, mesh: &Mesh<D>, dt: f64) -> bool {
         let state = &self.state;
         let radius = self.surface.reach() * state.radius;
@@ -177,7 +178,8 @@ impl<const D: usize> Droplet<D> {
         stops
     }
 
-    /// Whether so little is left that it vanishes: a thousandth of the liquid, what boils within two steps, or a radius of two grains.
+    /// Whether so little is left that it vanishes: a thousandth of the liquid, what boils within two steps, or a radius
+    /// of two grains.
     pub(crate) fn vanishes(&self) -> bool {
         !self.state.gone && self.is_little(self.state.liquid, self.boils)
     }
@@ -199,8 +201,9 @@ impl<const D: usize> Droplet<D> {
         (self.settled, self.absorption) = (Settled::default(), 0.0);
     }
 
-    /// Rate a of the loop of what is absorbed and boils in the next step, 1/s: a = |F| (dQ/dU) / (Q m), with `absorption` dQ/dU, W per m/s,
-    /// the heat Q that boils and the force F of its vapour. In a step longer than some 3/a the droplet bounces for want of a shorter one.
+    /// Rate a of the loop of what is absorbed and boils in the next step, 1/s: a = |F| (dQ/dU) / (Q m), with
+    /// `absorption` dQ/dU, W per m/s, the heat Q that boils and the force F of its vapour. In a step longer than some
+    /// 3/a the droplet bounces for want of a shorter one.
     pub(crate) fn absorption_rate(&self, absorption: f64) -> f64 {
         let boils = self.answer.vapour * self.material.vapour_density * self.material.latent_heat;
         match absorption > 0.0 && boils > 0.0 && !self.material.held {
@@ -245,7 +248,8 @@ impl<const D: usize> Droplet<D> {
         self.state.warmth = self.state.warmth * kept + self.settled.missed_heat * dt;
     }
 
-    /// Takes what the gas still had to give to a grain that the water has swallowed: impulse (N s) and heat (J) that the gas did not lose.
+    /// Takes what the gas still had to give to a grain that the water has swallowed: impulse (N s) and heat (J) that
+    /// the gas did not lose.
     pub(crate) fn inherit(&mut self, impulse: &Vector<D>, heat: f64) {
         let DropletState { impulse: owed, warmth, ledger, .. } = &mut self.state;
         *owed -= impulse;
@@ -270,8 +274,8 @@ impl<const D: usize> Droplet<D> {
         Ok(End { rate, boils, place: Some((centre, radius)) })
     }
 
-    /// A place where a cell of the mesh would turn over, or nearly, if the step in hand, which was over `dt`, were accepted;
-    /// none if all cells keep enough of themselves. `grains` says what the grains take of a droplet.
+    /// A place where a cell of the mesh would turn over, or nearly, if the step in hand, which was over `dt`, were
+    /// accepted; none if all cells keep enough of themselves. `grains` says what the grains take of a droplet.
     ///
     /// # Errors
     /// No radius fits the volumes.

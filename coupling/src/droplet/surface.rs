@@ -117,11 +117,11 @@ impl<const D: usize> Surface<D> {
         normal
     }
 
-    /// The part of a disc of this radius (m) within the polygon of `size` (its radius, m), with the centre of the disc at `x` from that of the
-    /// polygon; `None` where there is none.
+    /// The part of a disc of this radius (m) within the polygon of `size` (its radius, m), with the centre of the disc
+    /// at `x` from that of the polygon; `None` where there is none.
     ///
-    /// By Green's theorem the area is the sum over the facets of cross(p, q)/2 where they run inside the circle and R^2/2 times
-    /// the angle where they run outside, both seen from the centre of the disc.
+    /// By Green's theorem the area is the sum over the facets of cross(p, q)/2 where they run inside the circle and
+    /// R^2/2 times the angle where they run outside, both seen from the centre of the disc.
     pub fn cut(&self, size: f64, x: &Vector<D>, radius: f64) -> Option<Within> {
         let (distance, whole) = (x.norm(), std::f64::consts::PI * radius * radius);
         let [inner, outer] = self.reach.map(|reach| reach * size);

@@ -1,16 +1,16 @@
 //! Grains in the water of a droplet.
 //!
-//! A grain that the surface cuts is two: for the gas a smaller grain, of the share s_g that lies in the mesh, and for the water one of the
-//! share s_w. The water drags it along, heats it and presses on it:
+//! A grain that the surface cuts is two: for the gas a smaller grain, of the share s_g that lies in the mesh, and for
+//! the water one of the share s_w. The water drags it along, heats it and presses on it:
 //!
 //! ```text
 //! force   gamma_w (U - v) + (V_w/V) F        heat   hA_w (T_d - T)
 //! ```
 //!
-//! with gamma_w = V_w times the drag law of the water at the voidage V_f/V of the droplet, and its pressure gradient -F/V the mean over the droplet of what
-//! the gas presses on its surface with (Gauss), so that the force F on the droplet is shared by water and grains by
-//! volume; [`super::Choices`] has others. Drag and heat are implicit in the motion of the grains with every scheme:
-//! the water would else throw them out within a step.
+//! with gamma_w = V_w times the drag law of the water at the voidage V_f/V of the droplet, and its pressure gradient
+//! -F/V the mean over the droplet of what the gas presses on its surface with (Gauss), so that the force F on the
+//! droplet is shared by water and grains by volume; [`super::Choices`] has others. Drag and heat are implicit in the
+//! motion of the grains with every scheme: the water would else throw them out within a step.
 
 use super::choices::GrainShare;
 use super::surface::{Chord, Surface};
@@ -128,7 +128,8 @@ pub struct Immersion<const D: usize> {
     pub force: Vector<D>,
     /// sum hA_w (T* - T_d), W.
     pub heat: f64,
-    /// Solid that passes the surface into the droplet: sum of chord v . n phi, a number for each node of each facet, m2/s.
+    /// Solid that passes the surface into the droplet: sum of chord v . n phi, a number for each node of each facet,
+    /// m2/s.
     pub solid: Vec<f64>,
     /// Pores that the water does not fill.
     pub pores: Pores<D>,
@@ -306,7 +307,8 @@ impl<const D: usize> Wet<D> {
         self.grains.is_empty()
     }
 
-    /// Drag and heat-transfer coefficients of the water, of which the droplet is `voidage` full, at a velocity of the droplet.
+    /// Drag and heat-transfer coefficients of the water, of which the droplet is `voidage` full, at a velocity of the
+    /// droplet.
     pub fn evaluate_closures(
         &mut self,
         particles: &Particles<D>,
@@ -330,8 +332,8 @@ impl<const D: usize> Wet<D> {
         }
     }
 
-    /// Takes what the grains are expected to do: response w (m/s), momentum mobility M (s/kg) and temperature T* (K) of each, by its number, gamma_w (kg/s)
-    /// and hA_w (W/K).
+    /// Takes what the grains are expected to do: response w (m/s), momentum mobility M (s/kg) and temperature T* (K) of
+    /// each, by its number, gamma_w (kg/s) and hA_w (W/K).
     pub fn set_law(&mut self, law: impl Fn(usize, f64, f64) -> (Vector<D>, f64, f64)) {
         for wet in &mut self.grains {
             (wet.response, wet.mobility, wet.temperature) = law(wet.grain as usize, wet.drag, wet.transfer);
@@ -372,8 +374,8 @@ impl<const D: usize> Wet<D> {
         sum
     }
 
-    /// What acts on the grains in gas and water together: force (N) and heat (W) of the gas, with its implicit drag (kg/s) and transfer (W/K), which
-    /// may be none.
+    /// What acts on the grains in gas and water together: force (N) and heat (W) of the gas, with its implicit drag
+    /// (kg/s) and transfer (W/K), which may be none.
     pub fn add<'a>(
         &'a mut self,
         (force, heat): (&Vec<Vector<D>>, &Vec<f64>),
@@ -402,8 +404,9 @@ impl<const D: usize> Wet<D> {
         Load { force, drag, heat, transfer, cohesive: &[] }
     }
 
-    /// How much faster heat would come in with the grains that the surface passes if the droplet were faster, W per m/s: |sum of chord rho c (T - T_d) n| over
-    /// the chords that it moves over, with the mean velocities of the grains, m/s.
+    /// How much faster heat would come in with the grains that the surface passes if the droplet were faster, W per
+    /// m/s: |sum of chord rho c (T - T_d) n| over the chords that it moves over, with the mean velocities of the
+    /// grains, m/s.
     pub fn absorption(
         &self,
         particles: &Particles<D>,
@@ -432,8 +435,8 @@ impl<const D: usize> Wet<D> {
         self.grains.iter().map(|wet| 2.0 * wet.radius).fold(f64::INFINITY, f64::min)
     }
 
-    /// What the grains, which have moved with these mean velocities (m/s) and temperatures (K; none without heat), did to a droplet
-    /// whose velocity was expected to be `before`.
+    /// What the grains, which have moved with these mean velocities (m/s) and temperatures (K; none without heat), did
+    /// to a droplet whose velocity was expected to be `before`.
     pub fn settle(
         &self,
         (velocity, temperature): (&[Vector<D>], &[f64]),

@@ -97,12 +97,12 @@ impl<const D: usize> Overlap<D> {
         &self.locator
     }
 
-    /// Cuts the discs of the given centres and radii (m) into `pieces`, grain by grain in the order of cells. The result
-    /// depends on nothing but its arguments: not on earlier calls and not on the number of threads.
+    /// Cuts the discs of the given centres and radii (m) into `pieces`, grain by grain in the order of cells. The
+    /// result depends on nothing but its arguments: not on earlier calls and not on the number of threads.
     ///
-    /// `inside` gets the share of each grain that lies in the mesh; the shares of its pieces are shares of that. Of a grain
-    /// cut in two by a thin wall the part with the centre counts. A grain wholly outside has no pieces, and is one of
-    /// [`Self::outside`].
+    /// `inside` gets the share of each grain that lies in the mesh; the shares of its pieces are shares of that. Of a
+    /// grain cut in two by a thin wall the part with the centre counts. A grain wholly outside has no pieces, and is
+    /// one of [`Self::outside`].
     pub fn cut(
         &mut self,
         mesh: &Mesh<D>,

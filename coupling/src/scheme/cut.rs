@@ -1,9 +1,9 @@
 //! Steps in parts, around any scheme.
 //!
-//! A step in which a grain or a droplet moves far, or that ends in disagreement of grains and fluid, is put back and done in halves, these in halves of
-//! their own, until a part is good, which is accepted. The next part is twice as long again where that is not known to be too far and
-//! the whole step stays a multiple of it. The mesh moves with the parts. What the grains, the walls and the boundary get in the step are the
-//! means over its parts.
+//! A step in which a grain or a droplet moves far, or that ends in disagreement of grains and fluid, is put back and
+//! done in halves, these in halves of their own, until a part is good, which is accepted. The next part is twice as
+//! long again where that is not known to be too far and the whole step stays a multiple of it. The mesh moves with the
+//! parts. What the grains, the walls and the boundary get in the step are the means over its parts.
 //!
 //! Where a droplet moves so far that a cell of the mesh would turn over, the domain is remeshed first.
 
@@ -18,12 +18,12 @@ use voidage_fluid::balance::Balance;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cutting {
-    /// How far a grain may move in a part of a step, in its diameters: the fluid pushes it all the way as where it was at the start.
-    /// Above 0. Default 0.25.
+    /// How far a grain may move in a part of a step, in its diameters: the fluid pushes it all the way as where it was
+    /// at the start. Above 0. Default 0.25.
     pub travel: f64,
-    /// With a droplet: how large dt |F| (dQ/dU) / (Q m) may become in a part of a step, where dQ/dU is the heat of the grains that a faster droplet would
-    /// take in, Q what boils and F the force of the vapour on its mass m. Heat that is taken in boils in the next step, and above some 3 the droplet
-    /// bounces on its own vapour. Above 0. Default 1.
+    /// With a droplet: how large dt |F| (dQ/dU) / (Q m) may become in a part of a step, where dQ/dU is the heat of the
+    /// grains that a faster droplet would take in, Q what boils and F the force of the vapour on its mass m. Heat that
+    /// is taken in boils in the next step, and above some 3 the droplet bounces on its own vapour. Above 0. Default 1.
     pub absorption: f64,
 }
 

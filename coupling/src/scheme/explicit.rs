@@ -1,7 +1,8 @@
 //! Drag implicit in the fluid velocity only (A.16): a = 0, b = v_n.
 //!
 //! In a closed box, r = (rho_f/rho_p)(phi/eps) and K = beta dt/(eps phi rho_p), stable iff r < 1 and
-//! K < 2 eps (1 - r); of slip without constraint, stable iff B < 2 + A with A = beta dt/(eps rho_f), B = beta dt/(phi rho_p).
+//! K < 2 eps (1 - r); of slip without constraint, stable iff B < 2 + A with A = beta dt/(eps rho_f), B = beta dt/(phi
+//! rho_p).
 
 use super::cut::{Part, Trial};
 use super::once;
@@ -39,7 +40,8 @@ pub(super) fn freeze<const D: usize>(
     velocity.clone_from(&grains.particles.velocity);
 }
 
-/// The water of a droplet drags and heats implicitly, in the motion of the grains; what the droplet expects of them follows that.
+/// The water of a droplet drags and heats implicitly, in the motion of the grains; what the droplet expects of them
+/// follows that.
 fn expect_in_water<const D: usize>(
     grains: &Dem<D>,
     interaction: &mut Interaction<D>,

@@ -1,10 +1,10 @@
-//! Predicted velocity of Henry et al. (A.18, A.19): a = 1 / (m/dt + gamma), b = a (m/dt v_n + m g + F_c), with the contact
-//! force F_c of the last step as printed, or without (`henry-free`).
+//! Predicted velocity of Henry et al. (A.18, A.19): a = 1 / (m/dt + gamma), b = a (m/dt v_n + m g + F_c), with the
+//! contact force F_c of the last step as printed, or without (`henry-free`).
 //!
 //! Both are exact for free grains. For a bed at rest on its floor, D the true pressure gradient, W its weight and
-//! kappa = beta dt / (eps^2 phi rho_p), `henry-free` gives (D + kappa W) / (1 + kappa). `henry` gives D, but damps shear in the
-//! held bed explicitly, by (1 + B - A B) / (1 + A + B): unstable when A (B - 1) > 2 (1 + B), which fine grains in a liquid
-//! reach. There A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), beta the drag per volume and slip.
+//! kappa = beta dt / (eps^2 phi rho_p), `henry-free` gives (D + kappa W) / (1 + kappa). `henry` gives D, but damps
+//! shear in the held bed explicitly, by (1 + B - A B) / (1 + A + B): unstable when A (B - 1) > 2 (1 + B), which fine
+//! grains in a liquid reach. There A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), beta the drag per volume and slip.
 
 use super::cut::{Part, Trial};
 use super::once;

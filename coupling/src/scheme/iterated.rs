@@ -1,13 +1,13 @@
 //! Fluid and grains solved in turn until they agree, with the law of [`super::anchored`].
 //!
 //! A step: the grains respond to the forcing of the last step, on trial; the fluid is solved with the law around that
-//! response; the grains move under the new forcing. If they end up where the fluid expected them, that is the step: one solution of
-//! the fluid. Else the law is anchored anew, with the forcing improved by a [relaxation](super::relaxation), and so on.
-//! `anchored` stops after the first solution.
+//! response; the grains move under the new forcing. If they end up where the fluid expected them, that is the step: one
+//! solution of the fluid. Else the law is anchored anew, with the forcing improved by a
+//! [relaxation](super::relaxation), and so on. `anchored` stops after the first solution.
 //!
-//! **Agreement** is measured by what the difference of velocity is worth to the fluid, (gamma + rho_f V/dt) |v - v*|, over all
-//! grains against their weight and force ([`crate::Agreement`]); of heat by hA |T - T*|, as far as it is beyond
-//! the accuracy of the temperatures, against hA times their range.
+//! **Agreement** is measured by what the difference of velocity is worth to the fluid, (gamma + rho_f V/dt) |v - v*|,
+//! over all grains against their weight and force ([`crate::Agreement`]); of heat by hA |T - T*|, as far as it is
+//! beyond the accuracy of the temperatures, against hA times their range.
 
 use super::anchored::{Anchor, Forcing};
 use super::cut::{Part, Trial};
@@ -22,12 +22,13 @@ use voidage_dem::Vector;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Iteration {
-    /// Disagreement of grains and fluid at which a step counts as solved, as a share of the weight and the forces of all
-    /// grains (of the range of temperatures, for heat). Above 0. Default 1e-2.
+    /// Disagreement of grains and fluid at which a step counts as solved, as a share of the weight and the forces of
+    /// all grains (of the range of temperatures, for heat). Above 0. Default 1e-2.
     pub tolerance: f64,
     /// Solutions of the fluid per step at most. At least 1. Default 20.
     pub most: usize,
-    /// How the next forcing is made of the last ones: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default `"iqn-ils"`.
+    /// How the next forcing is made of the last ones: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default
+    /// `"iqn-ils"`.
     pub relaxation: Relaxation,
 }
 

@@ -1,7 +1,8 @@
 //! What most codes of this kind do: drag implicit in both velocities, the solid flux from the last velocities.
 //!
-//! In a closed box (1 + K) v' = (1 - r - K phi/eps) v + r v_old, stable iff r < 1 + K and 2 + K - 2 r - K phi/eps > 0: at small
-//! voidage no step is small enough. r = (rho_f/rho_p)(phi/eps), K = beta dt/(eps phi rho_p), beta the drag per volume and slip.
+//! In a closed box (1 + K) v' = (1 - r - K phi/eps) v + r v_old, stable iff r < 1 + K and 2 + K - 2 r - K phi/eps > 0:
+//! at small voidage no step is small enough. r = (rho_f/rho_p)(phi/eps), K = beta dt/(eps phi rho_p), beta the drag per
+//! volume and slip.
 
 use super::cut::{Part, Trial};
 use super::{explicit, henry, once};

@@ -1,8 +1,8 @@
 //! Coupling schemes: what the grains are expected to do while the fluid is solved.
 //!
 //! The fluid never knows the scheme. For each grain it gets the affine law of the velocity that the grain will
-//! have, v* = b + a f with f = gamma u - V grad p; the force on the grain is f - gamma v*, and the fluid gets the opposite
-//! by the same law, so momentum is conserved to round-off. Heat likewise. Schemes differ in a and b:
+//! have, v* = b + a f with f = gamma u - V grad p; the force on the grain is f - gamma v*, and the fluid gets the
+//! opposite by the same law, so momentum is conserved to round-off. Heat likewise. Schemes differ in a and b:
 //!
 //! | scheme | law | grains move by |
 //! |---|---|---|
@@ -74,7 +74,8 @@ impl SchemeName {
         }
     }
 
-    /// The scheme of this name; `iteration` is for [`Self::Iterated`] only. Steps are done in parts by `cutting`, or whole.
+    /// The scheme of this name; `iteration` is for [`Self::Iterated`] only. Steps are done in parts by `cutting`, or
+    /// whole.
     pub fn build<const D: usize>(
         self,
         iteration: &Iteration,

@@ -17,7 +17,8 @@ pub enum Relaxation {
     Constant(f64),
     /// x + omega r with Aitken's omega, from the last two residuals.
     Aitken,
-    /// Interface quasi-Newton with an inverse Jacobian from a least-squares model (Degroote, Bathe and Vierendeels 2009).
+    /// Interface quasi-Newton with an inverse Jacobian from a least-squares model (Degroote, Bathe and Vierendeels
+    /// 2009).
     #[default]
     IqnIls,
 }
@@ -51,7 +52,8 @@ impl Relaxer {
         self.answers.clear();
     }
 
-    /// Puts the next iterate into `forcing`. Returns whether it differs from the answer, to which the grains have already responded.
+    /// Puts the next iterate into `forcing`. Returns whether it differs from the answer, to which the grains have
+    /// already responded.
     pub fn improve<const D: usize>(
         &mut self,
         mixture: &Mixture<D>,
@@ -99,8 +101,8 @@ impl Relaxer {
     }
 }
 
-/// The coefficients of `columns` whose sum comes nearest to `target`, from the normal equations scaled to unit columns; `None` if
-/// they are no numbers. A column of zeros, where nothing but rounding is left to solve, gets zero.
+/// The coefficients of `columns` whose sum comes nearest to `target`, from the normal equations scaled to unit columns;
+/// `None` if they are no numbers. A column of zeros, where nothing but rounding is left to solve, gets zero.
 fn least_squares(columns: &[DVector<f64>], target: &DVector<f64>) -> Option<DVector<f64>> {
     let norms: Vec<f64> = columns.iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
     let count = columns.len();
@@ -145,7 +147,8 @@ fn scatter<const D: usize>(numbers: &DVector<f64>, weight: &[f64], forcing: &mut
 mod tests {
     use super::*;
 
-    /// g(x) = A x + b with |A| > 1: plain iteration diverges, the quasi-Newton model of two differences is exact in the plane.
+    /// g(x) = A x + b with |A| > 1: plain iteration diverges, the quasi-Newton model of two differences is exact in the
+    /// plane.
     #[test]
     fn quasi_newton_solves_a_linear_problem_in_as_many_steps_as_unknowns() {
         let matrix = DMatrix::from_row_slice(2, 2, &[-3.0, 1.0, 0.5, 2.0]);
@@ -160,7 +163,8 @@ mod tests {
         assert!((&matrix * &x + &constant - &x).norm() < 1e-9, "{x}");
     }
 
-    /// Iterates that no longer differ, as where rounding is all that is left: the model held 0/0, and its decomposition never ended.
+    /// Iterates that no longer differ, as where rounding is all that is left: the model held 0/0, and its decomposition
+    /// never ended.
     #[test]
     fn a_model_of_equal_iterates_ends() {
         let mut relaxer = Relaxer::new(Relaxation::IqnIls);

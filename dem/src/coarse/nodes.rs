@@ -25,7 +25,8 @@ pub struct Nodes<const D: usize> {
 }
 
 impl<const D: usize> Nodes<D> {
-    /// Lays the grid over the contacts, of which two corners of a box are given. Grains in flight have none: they do not count.
+    /// Lays the grid over the contacts, of which two corners of a box are given. Grains in flight have none: they do
+    /// not count.
     pub fn lay(&mut self, [low, high]: [Vector<D>; 2], radius: &[f64]) {
         self.dims.clear();
         self.origin.clear();

@@ -68,8 +68,8 @@ fn compared(p: &Particles<2>, from: Option<&State<2>>, max_sweeps: usize) -> (f6
 }
 
 /// The estimate lies between a tenth of the true energy of the error and twenty times it, from a cold start and from
-/// impulses of another weight, on stacks, random beds and beds under a heavy lid. Where a correction has just solved a stack at
-/// once, it may be more: what has changed since the sweeps before is taken for what is left.
+/// impulses of another weight, on stacks, random beds and beds under a heavy lid. Where a correction has just solved a
+/// stack at once, it may be more: what has changed since the sweeps before is taken for what is left.
 #[test]
 fn the_estimate_is_the_energy_of_the_error() {
     let problems = [

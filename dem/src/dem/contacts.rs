@@ -44,7 +44,8 @@ impl<const D: usize> Dem<D> {
                 break;
             }
             report.repeats += 1;
-            // Those of all attempts: the solution of a wider search may be slow where the one before was not, and again.
+            // Those of all attempts: the solution of a wider search may be slow where the one before was not, and
+            // again.
             let known = self.after.len();
             self.after.resize(known + self.particles.len(), Vector::zeros());
             for (slot, &i) in search.grid.grain_of.iter().enumerate() {

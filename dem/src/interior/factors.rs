@@ -20,7 +20,8 @@ pub(super) trait Factors {
     fn solve(&self, x: &mut [f64]);
 }
 
-/// Factors for `count` grains of `size` unknowns, with blocks at the given rows and columns; several at one place add up.
+/// Factors for `count` grains of `size` unknowns, with blocks at the given rows and columns; several at one place add
+/// up.
 pub(super) fn factors(size: usize, count: usize, places: &[[usize; 2]]) -> Box<dyn Factors> {
     match size {
         2 => Box::new(Blocks::<2>::new(count, places)),

@@ -50,8 +50,8 @@ const SHORT: f64 = 0.1;
 const START: f64 = 10.0;
 /// Share of what counts as solved at which to stop: the next step starts from there, and must not need this again.
 const GOAL: f64 = 1e-2;
-/// Contacts that would take this multiple of the fastest approach to close are left out until something closes them: a search
-/// that was widened for one fast grain lists a hundred times as many contacts as there are.
+/// Contacts that would take this multiple of the fastest approach to close are left out until something closes them: a
+/// search that was widened for one fast grain lists a hundred times as many contacts as there are.
 const FAR: f64 = 10.0;
 /// Rounds, each with those left out that the last one closed, the last with all.
 const ROUNDS: usize = 4;
@@ -291,8 +291,8 @@ impl<const D: usize> Free<D> {
         if solves { lacks } else { f64::MAX }
     }
 
-    /// Whether grains press against each other far more than what acts on them asks for. With strong friction there are such
-    /// stresses, of any size, and beside them any error looks small.
+    /// Whether grains press against each other far more than what acts on them asks for. With strong friction there are
+    /// such stresses, of any size, and beside them any error looks small.
     fn braced(&self, problem: &Problem<D>) -> bool {
         let bodies = &problem.bodies;
         let changes = self.state.iter().enumerate().filter(|(i, _)| bodies.mobility(*i) > 0.0);
@@ -302,8 +302,8 @@ impl<const D: usize> Free<D> {
         pressed > BRACED * BRACED * gained
     }
 
-    /// Whether contacts give energy, p (u + u_free) / 2 in sum, beyond that of all grains at the fastest speed that takes an
-    /// overlap back: far from a solution they may.
+    /// Whether contacts give energy, p (u + u_free) / 2 in sum, beyond that of all grains at the fastest speed that
+    /// takes an overlap back: far from a solution they may.
     fn gains(&self, problem: &Problem<D>) -> bool {
         let bodies = &problem.bodies;
         let work =

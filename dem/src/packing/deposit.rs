@@ -14,8 +14,8 @@ use rand_pcg::Pcg64;
 pub struct Deposit {
     /// How the bed is built before it settles.
     pub method: Method,
-    /// Coefficient of friction while settling, between grains, at walls and at the sides of the region; 0 gives the densest beds.
-    /// None: that of materials and walls, and at the sides that of the grains.
+    /// Coefficient of friction while settling, between grains, at walls and at the sides of the region; 0 gives the
+    /// densest beds. None: that of materials and walls, and at the sides that of the grains.
     pub friction: Option<f64>,
     /// Whether grains may spin while settling. With friction and without spin they stand where others would roll.
     pub rotation: bool,
@@ -23,8 +23,9 @@ pub struct Deposit {
     pub walls: Vec<Wall<2>>,
     /// How contacts are solved. Of gravity the magnitude counts: grains settle along -y.
     pub settings: Settings<2>,
-    /// The bed is at rest when, in the time that a grain needs to fall its diameter twice over, grains have moved by less than this
-    /// share of the mean diameter (root mean square), and their mean height by less than a fifth of that in twice this time.
+    /// The bed is at rest when, in the time that a grain needs to fall its diameter twice over, grains have moved by
+    /// less than this share of the mean diameter (root mean square), and their mean height by less than a fifth of that
+    /// in twice this time.
     pub rest: f64,
     /// Steps at most; 0 leaves the bed as it was built.
     pub max_steps: usize,
@@ -49,7 +50,8 @@ impl Default for Deposit {
 pub struct Settled {
     /// The grains; their remaining velocities are set to zero, and they have no spin yet.
     pub particles: Particles<2>,
-    /// The forces between them and on the walls given, by the numbers of these, in the last step; none of a bed as built.
+    /// The forces between them and on the walls given, by the numbers of these, in the last step; none of a bed as
+    /// built.
     pub forces: Vec<ContactForce<2>>,
     /// Time simulated, s.
     pub time: f64,
@@ -68,8 +70,8 @@ const STEPS_OF_FALL: f64 = 10.0;
 /// Steps over which the motion of the bed is judged.
 const WINDOW: usize = 20;
 
-/// Deposits grains on the floor of a region by gravity along -y: builds a bed grain by grain ([`pour`]) and lets the contact
-/// solver bring it to rest, without restitution.
+/// Deposits grains on the floor of a region by gravity along -y: builds a bed grain by grain ([`pour`]) and lets the
+/// contact solver bring it to rest, without restitution.
 ///
 /// # Errors
 /// Those of [`pour`] and [`Dem::new`]. A bed that does not come to rest is no error: see [`Settled::at_rest`].
@@ -184,11 +186,12 @@ fn solver(region: &Region<2>, particles: Particles<2>, fill: &Fill<'_>, how: &De
     Dem::new(particles, walls, materials, settings)
 }
 
-/// Share of a lattice cell by which grains are jittered, and the lattice spacing over the largest diameter that leaves room for it.
+/// Share of a lattice cell by which grains are jittered, and the lattice spacing over the largest diameter that leaves
+/// room for it.
 const JITTER: f64 = 0.1;
 
-/// Grains on a loose square lattice with jitter, radii in random order, stacked above the floor of the region as high as
-/// needed; with [`Amount::Fill`] they fill the region. They are at rest and touch nothing: a start for falls.
+/// Grains on a loose square lattice with jitter, radii in random order, stacked above the floor of the region as high
+/// as needed; with [`Amount::Fill`] they fill the region. They are at rest and touch nothing: a start for falls.
 ///
 /// # Errors
 /// Values without meaning; a region narrower than a grain.

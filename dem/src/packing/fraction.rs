@@ -6,9 +6,9 @@ use crate::{Particles, Wall, ball};
 /// Share of the solid, from the bottom, in which the fraction is measured: the surface lies above.
 const INNER: f64 = 0.9;
 
-/// Share of a bed that discs cover, solid or not inside: away from the surface, in level strips a mean diameter high, up to the
-/// height below which nine tenths of the discs' area lie. A strip reaches from its first to its last disc, and on to walls
-/// (as they stand at time 0) less than a mean diameter beyond. Zero without grains.
+/// Share of a bed that discs cover, solid or not inside: away from the surface, in level strips a mean diameter high,
+/// up to the height below which nine tenths of the discs' area lie. A strip reaches from its first to its last disc,
+/// and on to walls (as they stand at time 0) less than a mean diameter beyond. Zero without grains.
 pub fn solid_fraction(grains: &Particles<2>, walls: &[Wall<2>]) -> f64 {
     if grains.is_empty() {
         return 0.0;

@@ -15,8 +15,8 @@ struct SizeClass {
     first: Vec<u32>,
 }
 
-/// Discs that lie still. Cells are as wide as the largest diameter of a class of size, so that small discs among large ones
-/// are found as fast as equal ones.
+/// Discs that lie still. Cells are as wide as the largest diameter of a class of size, so that small discs among large
+/// ones are found as fast as equal ones.
 pub(super) struct Lying {
     pub position: Vec<Point>,
     pub radius: Vec<f64>,

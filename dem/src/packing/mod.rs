@@ -71,7 +71,8 @@ pub enum Radii {
 pub enum Amount {
     /// This many.
     Count(usize),
-    /// As many as bring the total mass nearest to this, kg (per metre of depth in the plane); at least half of that of a grain.
+    /// As many as bring the total mass nearest to this, kg (per metre of depth in the plane); at least half of that of
+    /// a grain.
     Mass(f64),
     /// As many as the region takes.
     Fill,

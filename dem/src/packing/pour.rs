@@ -1,5 +1,6 @@
-//! Beds built grain by grain under gravity along -y: each disc is let go near the top of a region, falls and rolls without
-//! inertia to the first place where two supports or a level wall hold it (W. M. Visscher, M. Bolsterli, Nature 239, 504, 1972).
+//! Beds built grain by grain under gravity along -y: each disc is let go near the top of a region, falls and rolls
+//! without inertia to the first place where two supports or a level wall hold it (W. M. Visscher, M. Bolsterli, Nature
+//! 239, 504, 1972).
 
 use super::lying::{Lying, Segment};
 use super::rolling::Ground;
@@ -20,8 +21,8 @@ pub enum Method {
     /// Anywhere between the sides at random: loose, with an uneven surface.
     #[default]
     DropAndRoll,
-    /// Above the lowest place of the surface (after C. H. Bennett, J. Appl. Phys. 43, 2727, 1972), and of the next eight grains the
-    /// one that comes nearest to a third support there: dense if sizes differ, with a level surface.
+    /// Above the lowest place of the surface (after C. H. Bennett, J. Appl. Phys. 43, 2727, 1972), and of the next
+    /// eight grains the one that comes nearest to a third support there: dense if sizes differ, with a level surface.
     Dense,
 }
 
@@ -32,8 +33,8 @@ const CHOICE: usize = 8;
 /// Grains between two reports.
 const REPORT: usize = 128;
 
-/// Builds a bed between the sides of a region, on its floor and on walls (as they stand at time 0), up to the top of the
-/// region, which is open. No two grains overlap, and each rests on a level wall or between two supports.
+/// Builds a bed between the sides of a region, on its floor and on walls (as they stand at time 0), up to the top of
+/// the region, which is open. No two grains overlap, and each rests on a level wall or between two supports.
 ///
 /// # Errors
 /// Values without meaning; more grains asked for than the region takes; an end asked for by the observer.
@@ -119,8 +120,8 @@ impl Bed<'_> {
         Added::Grain
     }
 
-    /// Of the waiting grains the one that comes nearest to a third body when it is let go above the place of the first, and its
-    /// own place.
+    /// Of the waiting grains the one that comes nearest to a third body when it is let go above the place of the first,
+    /// and its own place.
     fn choose(&self, first: Point) -> (usize, Point) {
         let mut best = (0, first);
         let mut least = self.ground.third_gap(&first, self.waiting[0]);

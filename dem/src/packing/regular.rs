@@ -80,7 +80,8 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// Fills a region row by row with a lattice; `spacing` is the distance of neighbours over the largest diameter, at least 1.
+/// Fills a region row by row with a lattice; `spacing` is the distance of neighbours over the largest diameter, at
+/// least 1.
 ///
 /// # Errors
 /// Values without meaning; more grains asked for than there are points.

@@ -11,7 +11,8 @@ const TOUCH: f64 = 1e-8;
 const FLAT: f64 = 1e-9;
 /// Slopes that differ by less are the same.
 const SAME: f64 = 1e-6;
-/// Sine of the angle below which discs graze each other: a way that grazes overlaps by less than 1e-9 of a radius and goes on.
+/// Sine of the angle below which discs graze each other: a way that grazes overlaps by less than 1e-9 of a radius and
+/// goes on.
 const GRAZE: f64 = 3e-5;
 /// Parts of the way at most. The way goes down throughout: only rounding could make it endless.
 const MOST_PARTS: usize = 100_000;
@@ -201,7 +202,8 @@ impl Ground {
         None
     }
 
-    /// How far a disc in its place is from a third body, m: zero if it touches three, infinite if none is within a diameter.
+    /// How far a disc in its place is from a third body, m: zero if it touches three, infinite if none is within a
+    /// diameter.
     pub fn third_gap(&self, x: &Point, radius: f64) -> f64 {
         // The three smallest gaps, in order.
         let mut gaps = [f64::INFINITY; 3];

@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 
 /// Whether the grains of a fill can all come into a region: an error if surely not. Inner walls are not seen.
 ///
-/// Equal discs in a rectangle cover pi / (2 sqrt 3) of it at most (N. Oler, Acta Math. 105, 19, 1961); discs of sizes that
-/// differ, in a bed that no one sorts, always less than 0.95.
+/// Equal discs in a rectangle cover pi / (2 sqrt 3) of it at most (N. Oler, Acta Math. 105, 19, 1961); discs of sizes
+/// that differ, in a bed that no one sorts, always less than 0.95.
 ///
 /// # Errors
 /// The fill has no meaning, or is too much; the text says how much fits.
@@ -28,9 +28,9 @@ pub fn check_deposit(region: &Region<2>, fill: &Fill<'_>) -> Result<()> {
     check_volume(region, fill, share * region.volume(), usual::<2>())
 }
 
-/// The same for grains at random places, whose share of a large region in the plane ends at 0.547 for equal discs (E. L.
-/// Hinrichsen, J. Feder, T. Jossang, J. Stat. Phys. 44, 793, 1986) and at 0.384 for equal spheres. What is refused here is
-/// well above, of the region and half a grain around it.
+/// The same for grains at random places, whose share of a large region in the plane ends at 0.547 for equal discs (E.
+/// L. Hinrichsen, J. Feder, T. Jossang, J. Stat. Phys. 44, 793, 1986) and at 0.384 for equal spheres. What is refused
+/// here is well above, of the region and half a grain around it.
 ///
 /// # Errors
 /// As [`check_deposit`].
@@ -76,7 +76,8 @@ fn equal(fill: &Fill<'_>) -> bool {
     }
 }
 
-/// An error if the grains asked for have together more than a volume; `usual` is the share of the region that they would take.
+/// An error if the grains asked for have together more than a volume; `usual` is the share of the region that they
+/// would take.
 fn check_volume<const D: usize>(region: &Region<D>, fill: &Fill<'_>, most: f64, usual: f64) -> Result<()> {
     region.validate()?;
     let mut source = Source::<D>::new(fill)?;

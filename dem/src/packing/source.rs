@@ -157,7 +157,8 @@ impl Radii {
     pub fn mean_volume<const D: usize>(&self) -> f64 {
         match self {
             Self::Constant(r) => ball::<D>(*r),
-            // The mean of r^n over a uniform law: (b^(n+1) - a^(n+1)) / ((n + 1) (b - a)), as a sum without cancellation.
+            // The mean of r^n over a uniform law: (b^(n+1) - a^(n+1)) / ((n + 1) (b - a)), as a sum without
+            // cancellation.
             Self::Uniform { min: a, max: b } => {
                 let sum: f64 = (0..=D as i32).map(|k| a.powi(k) * b.powi(D as i32 - k)).sum();
                 ball::<D>(1.0) * sum / (D as f64 + 1.0)

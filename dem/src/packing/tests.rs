@@ -17,7 +17,8 @@ fn wall(from: [f64; 2], to: [f64; 2]) -> Wall<2> {
     Wall::new("wall", from.into(), to.into())
 }
 
-/// Checks that nothing overlaps by more than rounding, and that every grain rests on a level wall or between two supports.
+/// Checks that nothing overlaps by more than rounding, and that every grain rests on a level wall or between two
+/// supports.
 fn check_bed(bed: &Particles<2>, walls: &[Wall<2>], region: &Region<2>) {
     let segments: Vec<Segment> =
         container(region, walls).iter().chain(walls).map(|wall| Segment::new(wall.at(0.0))).collect();

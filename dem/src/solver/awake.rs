@@ -1,8 +1,9 @@
 //! Which tiles are swept: those with something left to do.
 //!
-//! Where a bed rests, impulses of the last sub-step solve its contacts to far below what may be left, and only around what
-//! moves is there work. A tile wakes when a look finds more in it than its part of what may be left, and its sweeps wake those
-//! around it. It stays awake until momentum starts anew: what momentum remembers of a body holds for all of its contacts.
+//! Where a bed rests, impulses of the last sub-step solve its contacts to far below what may be left, and only around
+//! what moves is there work. A tile wakes when a look finds more in it than its part of what may be left, and its
+//! sweeps wake those around it. It stays awake until momentum starts anew: what momentum remembers of a body holds for
+//! all of its contacts.
 
 use super::runs::FEW_MOVE;
 use super::tiles::FORK_CONTACTS;
@@ -16,8 +17,8 @@ use rayon::prelude::*;
 
 /// Share of the error that may be left up to which all sleeping tiles together have it.
 const QUIET: f64 = 0.01;
-/// Share of the speed of closing that no contact may exceed, up to which a tile sleeps: light grains among heavy ones have little
-/// part in the energy, and would pass into each other over many steps.
+/// Share of the speed of closing that no contact may exceed, up to which a tile sleeps: light grains among heavy ones
+/// have little part in the energy, and would pass into each other over many steps.
 const CLOSES: f64 = 0.05;
 
 /// Tiles from one that moves to one that may rest.
@@ -70,8 +71,8 @@ impl<const D: usize> Problem<D> {
         on.then(Momentum::default)
     }
 
-    /// Wakes the tiles in which the last look has found more than their part of what may be left, J, or a contact that closes
-    /// faster than it may, 1/s.
+    /// Wakes the tiles in which the last look has found more than their part of what may be left, J, or a contact that
+    /// closes faster than it may, 1/s.
     pub(super) fn wake(&mut self, may_be_left: f64, closing: f64) {
         let most = QUIET * may_be_left / self.tiles.len() as f64;
         for tile in 0..self.tiles.len() {
@@ -83,8 +84,8 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    /// Marks the grains that contacts push and that do not rest; `mark` tells those by their own velocities. Who touches a wall
-    /// that moves does not rest. Returns the share that they have of the energy that forces bring.
+    /// Marks the grains that contacts push and that do not rest; `mark` tells those by their own velocities. Who
+    /// touches a wall that moves does not rest. Returns the share that they have of the energy that forces bring.
     pub(super) fn mark_moving(&mut self, mark: impl Fn(&Bodies<D>, &mut Vec<bool>) -> f64) -> f64 {
         let share = mark(&self.bodies, &mut self.moving);
         let grains = self.position.len();
@@ -190,8 +191,8 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    /// v + beta (v - last v) of the bodies of awake tiles, to match the impulses p + beta (p - last p) that the next sweep
-    /// starts from.
+    /// v + beta (v - last v) of the bodies of awake tiles, to match the impulses p + beta (p - last p) that the next
+    /// sweep starts from.
     pub(super) fn extrapolate(&mut self, beta: f64) {
         let (bodies, awake) = (&self.bodies, &self.awake);
         let (last, last_surface) = (&awake.last_velocity, &awake.last_surface);

@@ -9,10 +9,10 @@
 //!
 //! s alone says little of E: a bed of N rows that falls as a whole has closing speeds of 1/N of its speed, and W^-1
 //! magnifies them by N. But every q that leaves the impulses within Coulomb's law gives a lower bound.
-//! [`Coarse`](crate::coarse::Coarse) maximises over the q that are the impulses times factors that vary slowly in space: they
-//! find all of E on a stack. What varies from grain to grain, which they do not see, is the natural map r: sum of r^2 /
-//! (2 rho). In random beds the shape of the impulses must change too, and neither sees that; how sweeps still change the
-//! velocities does ([`Trend`](super::trend::Trend)). The sum of the three is the estimate.
+//! [`Coarse`](crate::coarse::Coarse) maximises over the q that are the impulses times factors that vary slowly in
+//! space: they find all of E on a stack. What varies from grain to grain, which they do not see, is the natural map r:
+//! sum of r^2 / (2 rho). In random beds the shape of the impulses must change too, and neither sees that; how sweeps
+//! still change the velocities does ([`Trend`](super::trend::Trend)). The sum of the three is the estimate.
 //!
 //! A contact that resists rolling has the rolling speed as one more row of H, and a natural map of its own
 //! ([`Rolling`](crate::rolling::Rolling)): what it says counts to the sum of r^2 / (2 rho) and to the columns of the
@@ -23,8 +23,8 @@
 //! step is the same: its impulses solve it without a sweep. What is left of the velocities is taken only where hardly anything
 //! moves; where much does, it is what tells the next step how the impulses must change.
 //!
-//! Corrections also take what sweeps have changed of the impulses times such factors. As a measure these would claim errors
-//! that are none: where friction or cohesion are at their limits they lead out of the law.
+//! Corrections also take what sweeps have changed of the impulses times such factors. As a measure these would claim
+//! errors that are none: where friction or cohesion are at their limits they lead out of the law.
 
 use super::{Grains, Look, Outcome, Problem, Stopping};
 use crate::contact::Law;
@@ -47,16 +47,18 @@ const MEASURE: usize = 6;
 /// Share of the energy that the contacts have to do with below which changes of the velocities count as rest: what
 /// forces give to grains at rest is taken back by contacts nearly in whole.
 pub(crate) const REST: f64 = 5e-3;
-/// The same up to which the solver, once it has solved a problem, goes on for the grains that rest, and the share of what may be
-/// left that it then tries to reach. At rest an error of the velocities turns the contacts, and the forces on them are the
-/// larger the deeper they lie: it comes back in the next sub-step P h^2 / (m d) times as large under the load P, which is 20
-/// times under 400 rows of 50 um in 0.5 ms. Errors that are only small beside the forces let such a bed slip again and again;
-/// in one that has settled to rounding there is nothing to magnify. Where grains fly, so that a step has many short
-/// sub-steps, and the energy grows by no more than GROWS, the first sweeps of the next one take back what comes.
+/// The same up to which the solver, once it has solved a problem, goes on for the grains that rest, and the share of
+/// what may be left that it then tries to reach. At rest an error of the velocities turns the contacts, and the forces
+/// on them are the larger the deeper they lie: it comes back in the next sub-step P h^2 / (m d) times as large under
+/// the load P, which is 20 times under 400 rows of 50 um in 0.5 ms. Errors that are only small beside the forces let
+/// such a bed slip again and again; in one that has settled to rounding there is nothing to magnify. Where grains fly,
+/// so that a step has many short sub-steps, and the energy grows by no more than GROWS, the first sweeps of the next
+/// one take back what comes.
 const FEW: f64 = 0.1;
 const GROWS: f64 = 4.0;
 const SETTLED: f64 = 1e-7;
-/// Share of its error that a solved problem has left after the sweeps for settling if it is smooth: a correction follows.
+/// Share of its error that a solved problem has left after the sweeps for settling if it is smooth: a correction
+/// follows.
 const SMOOTH: f64 = 0.5;
 
 /// Growth of the error after a correction, beyond all that the contacts have to do with, after which none is made.
@@ -66,8 +68,8 @@ const DIVERGED: f64 = 30.0;
 /// interrupt the momentum of the sweeps that do.
 const HELPED: f64 = 0.9;
 const LONGEST_PAUSE: usize = 64;
-/// Error above which no correction waits, and share of it that is smooth from which none does: the measure still grows with the
-/// impulses.
+/// Error above which no correction waits, and share of it that is smooth from which none does: the measure still grows
+/// with the impulses.
 const SEEN: f64 = 0.5;
 const GROWING: f64 = 1e-2;
 /// Error above which the changes of the impulses belong to the measure and the corrections.
@@ -245,9 +247,9 @@ impl<const D: usize> Problem<D> {
         }
     }
 
-    /// Corrects the impulses over long distances, if that adds no more energy than is wrong, J. What factors of changes promise
-    /// need not come true, because impulses that are changed so must be cut back to Coulomb's law; then factors of the impulses
-    /// alone follow, which keep them within it.
+    /// Corrects the impulses over long distances, if that adds no more energy than is wrong, J. What factors of changes
+    /// promise need not come true, because impulses that are changed so must be cut back to Coulomb's law; then factors
+    /// of the impulses alone follow, which keep them within it.
     fn correct<L: Law>(&mut self, grains: &Grains<D>, wrong: f64) -> bool {
         let mut kept = std::mem::take(&mut self.uncorrected);
         self.keep_impulses(&mut kept);
@@ -293,8 +295,8 @@ impl<const D: usize> Problem<D> {
         self.apply_impulses();
     }
 
-    /// How far the problem is from its solution; what is smooth of the error belongs to it only where it is measured. `trend`
-    /// is the energy of the error by how sweeps still change the velocities, J.
+    /// How far the problem is from its solution; what is smooth of the error belongs to it only where it is measured.
+    /// `trend` is the energy of the error by how sweeps still change the velocities, J.
     pub(super) fn judge<L: Law>(
         &mut self,
         stopping: &Stopping,

@@ -1,16 +1,17 @@
 //! What is left of the error, from how the velocities still change.
 //!
-//! Where neither the natural map nor slow factors of the impulses see an error, such as that of a bed whose contacts change
-//! from sticking to sliding while it gives way, sweeps still do. Their error falls about like a power of their number k,
+//! Where neither the natural map nor slow factors of the impulses see an error, such as that of a bed whose contacts
+//! change from sticking to sliding while it gives way, sweeps still do. Their error falls about like a power of their
+//! number k,
 //! |e| = C k^-alpha, and velocities after b sweeps and after c differ by C (b^-alpha - c^-alpha). So
 //!
 //! ```text
 //!     |e_c| = |v_c - v_b| / ((c/b)^alpha - 1)
 //! ```
 //!
-//! in the norm of the kinetic energy. Alpha is 0.5 to 1.5 in beds that give way, and counts as 1; errors that fall faster are
-//! overestimated. What has hardly begun to fall, as in a tall stack from a cold start, is what slow factors see. What corrections
-//! over long distances change between b and c counts like what sweeps change.
+//! in the norm of the kinetic energy. Alpha is 0.5 to 1.5 in beds that give way, and counts as 1; errors that fall
+//! faster are overestimated. What has hardly begun to fall, as in a tall stack from a cold start, is what slow factors
+//! see. What corrections over long distances change between b and c counts like what sweeps change.
 
 use crate::bodies::Bodies;
 use crate::parallel;

@@ -26,8 +26,9 @@ pub(crate) struct Multifrontal<T, const B: usize> {
     symbolic: Arc<Symbolic>,
     /// Per subtree: its children's, then its own panel [A; C].
     panels: Vec<T>,
-    /// Per subtree: its own rows B, then those of its children from the last to the first. So the backward substitution finds
-    /// them, as the forward one finds the panels, in the order of the memory, which is what its prefetching is made for.
+    /// Per subtree: its own rows B, then those of its children from the last to the first. So the backward substitution
+    /// finds them, as the forward one finds the panels, in the order of the memory, which is what its prefetching is
+    /// made for.
     uppers: Vec<T>,
     swaps: Vec<u32>,
     work: Vec<T>,
@@ -326,8 +327,8 @@ impl<'a, T: Scalar> Substitution<'a, T> {
         });
     }
 
-    /// Runs something on every child with its part of the vectors: in parallel where the front forks, else in the order of the
-    /// panels or against it, in that of the rows behind them.
+    /// Runs something on every child with its part of the vectors: in parallel where the front forks, else in the order
+    /// of the panels or against it, in that of the rows behind them.
     fn each_child<const B: usize, const REVERSED: bool>(
         &self,
         front: &Front,
@@ -369,8 +370,8 @@ impl<'a, T: Scalar> Substitution<'a, T> {
     }
 }
 
-/// Reads one number of each line of the cache. The factors are larger than the cache; these reads wait for nothing, so that
-/// many lines are on their way at a time, while those of the substitution itself wait for what they find.
+/// Reads one number of each line of the cache. The factors are larger than the cache; these reads wait for nothing, so
+/// that many lines are on their way at a time, while those of the substitution itself wait for what they find.
 fn fetch<T: Scalar>(factors: &[T]) {
     let line = 64 / size_of::<T>();
     std::hint::black_box(factors.iter().step_by(line).fold(T::default(), |sum, &factor| sum + factor));

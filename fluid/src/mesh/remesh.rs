@@ -1,4 +1,5 @@
-//! A new mesh of a domain whose nodes have moved: those of the boundary stay where they are, those inside get new places.
+//! A new mesh of a domain whose nodes have moved: those of the boundary stay where they are, those inside get new
+//! places.
 
 use super::outline::{FREE, Outline, Site};
 use super::shape::Shape;
@@ -44,8 +45,8 @@ impl Mesh<2> {
         sums.into_iter().map(|(length, count)| length / count).collect()
     }
 
-    /// A mesh of the same domain with edges of the lengths `spacing` (m, one per node of this mesh). Nodes and facets of the
-    /// boundary stay, with their names.
+    /// A mesh of the same domain with edges of the lengths `spacing` (m, one per node of this mesh). Nodes and facets
+    /// of the boundary stay, with their names.
     ///
     /// # Errors
     /// The boundary crosses itself, or is folded so that no cells of positive measure fill it.
@@ -53,7 +54,8 @@ impl Mesh<2> {
         self.fill(spacing, None)
     }
 
-    /// The same with the hole filled that a part of the boundary is. Values in it are those of the nearest node of its boundary.
+    /// The same with the hole filled that a part of the boundary is. Values in it are those of the nearest node of its
+    /// boundary.
     ///
     /// # Errors
     /// Those of [`Self::remesh`].
@@ -171,8 +173,8 @@ impl Shape for Between<'_> {
         self.spacing.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// Boundaries are edges of triangles, so one with a node inside belongs to the domain; of the others those whose middle a ray
-    /// from outside reaches through an odd number of facets.
+    /// Boundaries are edges of triangles, so one with a node inside belongs to the domain; of the others those whose
+    /// middle a ray from outside reaches through an odd number of facets.
     fn contains(&self, corners: [&Site; 3]) -> bool {
         if corners.iter().any(|site| site.hole == FREE) {
             return true;

@@ -9,9 +9,9 @@ use spade::Point2;
 /// Angles above this may shrink when a node moves, degrees.
 const GOOD_ANGLE: f64 = 35.0;
 
-/// One sweep over the nodes. A node goes to the weighted mean of the centroids of its cells, weight |e| / h^4: with this
-/// density the centroidal arrangement has edges proportional to h (Gersho's rule in the plane: spacing ~ density^(-1/4)).
-/// It goes only if no angle of its cells falls below [`GOOD_ANGLE`] or below the smallest before.
+/// One sweep over the nodes. A node goes to the weighted mean of the centroids of its cells, weight |e| / h^4: with
+/// this density the centroidal arrangement has edges proportional to h (Gersho's rule in the plane: spacing ~
+/// density^(-1/4)). It goes only if no angle of its cells falls below [`GOOD_ANGLE`] or below the smallest before.
 pub(super) fn smooth<S: Shape>(domain: &S, sites: &mut [Site], cells: &[u32]) {
     let (first, around) = cells_around(sites.len(), cells);
     for node in 0..sites.len() {

@@ -104,8 +104,8 @@ impl<const D: usize> Mesh<D> {
         Ok(alone.map(with_nodes).collect())
     }
 
-    /// Whether the mesh is whole: nodes exist and are finite, cells have positive measure and do not fold over each other, every boundary facet is in
-    /// exactly one part, points outwards and names its cell, and every node is used.
+    /// Whether the mesh is whole: nodes exist and are finite, cells have positive measure and do not fold over each
+    /// other, every boundary facet is in exactly one part, points outwards and names its cell, and every node is used.
     pub fn check(&self) -> Result<()> {
         self.check_cells()?;
         if let Some(cell) = (0..self.cell_count()).find(|&cell| self.measure(cell) <= 0.0) {

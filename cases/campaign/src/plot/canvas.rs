@@ -1,7 +1,7 @@
 //! A picture drawn larger than it is saved: every edge becomes smooth when it is made smaller.
 //!
-//! Axes and text are drawn by plotters; fields and discs are filled here, pixel by pixel, because discs of plotters have
-//! integer radii and its triangles cannot be shaded.
+//! Axes and text are drawn by plotters; fields and discs are filled here, pixel by pixel, because discs of plotters
+//! have integer radii and its triangles cannot be shaded.
 
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
@@ -130,8 +130,8 @@ impl Canvas {
         }
     }
 
-    /// Fills a disc inside the frame, with a thin dark rim; one that is less than two pixels of the saved picture wide is a dot without a rim, which
-    /// covers a pixel at least.
+    /// Fills a disc inside the frame, with a thin dark rim; one that is less than two pixels of the saved picture wide
+    /// is a dot without a rim, which covers a pixel at least.
     pub fn disc(&mut self, frame: Frame, centre: [f64; 2], radius: f64, colour: [u8; 3]) {
         let [cx, cy] = frame.place(centre[0], centre[1]);
         let pixel = f64::from(SCALE);

@@ -58,8 +58,8 @@ pub struct Curve {
     pub style: Style,
 }
 
-/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order. One without a name
-/// takes that of the one before, to which it belongs.
+/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order. One without a
+/// name takes that of the one before, to which it belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Black line: exact.
@@ -378,7 +378,8 @@ impl Ranged for Axis {
     }
 }
 
-/// Places of the ticks of an axis: on a logarithmic one, in decades, whole decades, or 1, 2 and 5 of each where these are few.
+/// Places of the ticks of an axis: on a logarithmic one, in decades, whole decades, or 1, 2 and 5 of each where these
+/// are few.
 fn places_of_ticks(log: bool, low: f64, high: f64, most: usize) -> Vec<f64> {
     if !log {
         return RangedCoordf64::from(low..high).key_points(most);

@@ -38,8 +38,8 @@ impl Exponential {
     }
 }
 
-/// Least squares over all rows. For a given time constant the rest is linear, so one search over its logarithm is enough.
-/// None with too few rows, or where the values do not change.
+/// Least squares over all rows. For a given time constant the rest is linear, so one search over its logarithm is
+/// enough. None with too few rows, or where the values do not change.
 pub fn exponential(time: &[f64], value: &[f64], limit: Option<f64>) -> Option<Exponential> {
     let end = time.last().copied().filter(|end| *end > 0.0 && time.len() >= 4)?;
     let cost = |log: f64| linear(time, value, limit, log.exp()).map_or(f64::INFINITY, |fit| fit.rms);

@@ -42,7 +42,8 @@ impl Track {
     }
 }
 
-/// The hole of a mesh of triangles around a point, as a polygon; none where the point is in the mesh or outside of all of it.
+/// The hole of a mesh of triangles around a point, as a polygon; none where the point is in the mesh or outside of all
+/// of it.
 pub fn around(mesh: &Frame, point: [f64; 2]) -> Option<Vec<[f64; 2]>> {
     // Corners go round a triangle in one sense, so that a side with a neighbour is there in both directions.
     let sides = mesh.cells.as_chunks::<3>().0.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]);
@@ -70,7 +71,8 @@ pub fn around(mesh: &Frame, point: [f64; 2]) -> Option<Vec<[f64; 2]>> {
     None
 }
 
-/// How often a ring goes around a point, counterclockwise: once around what is within the outer boundary, minus once around a hole.
+/// How often a ring goes around a point, counterclockwise: once around what is within the outer boundary, minus once
+/// around a hole.
 fn turns(ring: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
     let sides = ring.iter().zip(ring.iter().cycle().skip(1));
     let angle = sides.map(|(a, b)| {

@@ -24,8 +24,8 @@ use voidage_scene::recorder::Summary;
 /// Which folders have pictures.
 pub const FOLDER: &str = "give the folder of a run (its option --out)";
 
-/// Draws the pictures of one run into its folder; or those that compare runs, where there are several or another folder is given, into that or the
-/// current one.
+/// Draws the pictures of one run into its folder; or those that compare runs, where there are several or another folder
+/// is given, into that or the current one.
 pub fn plot(folders: &[PathBuf], out: Option<&Path>, film: bool) -> Result<Vec<PathBuf>> {
     match (folders, out) {
         ([folder], None) => {

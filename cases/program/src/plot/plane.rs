@@ -67,7 +67,8 @@ struct Layout {
     legend: u32,
 }
 
-/// Height of a row of the legend, length of its strokes and about the width of a letter, in pixels of the saved picture.
+/// Height of a row of the legend, length of its strokes and about the width of a letter, in pixels of the saved
+/// picture.
 const ROW_HEIGHT: u32 = 28;
 const STROKE: u32 = 34;
 const LETTER: f64 = 10.5;
@@ -81,7 +82,8 @@ impl Plane {
         Plane::panes(path, bounds, &[title.to_owned()], scales, &[])
     }
 
-    /// The same with a pane for each title, in rows of four, and a legend. The first pane is the one that is drawn into.
+    /// The same with a pane for each title, in rows of four, and a legend. The first pane is the one that is drawn
+    /// into.
     pub fn panes(
         path: &Path,
         bounds: [f64; 4],

@@ -83,7 +83,8 @@ impl Picture {
         format!("t = {:.3} s", self.time)
     }
 
-    /// What grains are coloured by: temperature, or speed without one; nothing where all are held and would hide a scalar.
+    /// What grains are coloured by: temperature, or speed without one; nothing where all are held and would hide a
+    /// scalar.
     fn grain_values(&self, scene: &Scene) -> Option<(Quantity, Cow<'_, [f64]>)> {
         let grains = self.grains.as_ref()?;
         match grains.column("temperature_K") {
@@ -363,8 +364,8 @@ pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -
     plane.strokes(standing(scene, picture.time), BLACK, if picture.fluid.is_some() { 2 } else { 3 })
 }
 
-/// Arrows of the velocity of the fluid on a square grid, as long as the grid is wide where it is fastest. Lengths go with the root of
-/// the speed, so that slow parts show their direction too.
+/// Arrows of the velocity of the fluid on a square grid, as long as the grid is wide where it is fastest. Lengths go
+/// with the root of the speed, so that slow parts show their direction too.
 fn stream(fluid: &Frame, [left, bottom, right, top]: [f64; 4], fastest: f64) -> Vec<([f64; 2], [f64; 2])> {
     let velocity = fluid.column("velocity_m_per_s").unwrap_or(&[]).as_chunks::<3>().0;
     let spacing = (right - left).max(top - bottom) / ARROWS;

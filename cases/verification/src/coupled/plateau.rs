@@ -18,9 +18,9 @@ pub const CASE: Case = Case {
 
 const SCENE: &str = include_str!("../../../bubbling-bed/scene-quick.toml");
 
-/// The walls at the sides are smooth for the grains, so that they carry nothing of the weight. The whole floor blows: over a
-/// closed nozzle grains would rest on it. The walls slip: a node that a wall holds takes the drag of
-/// the grains within an element of it, which is 1.6 % of the weight on this mesh.
+/// The walls at the sides are smooth for the grains, so that they carry nothing of the weight. The whole floor blows:
+/// over a closed nozzle grains would rest on it. The walls slip: a node that a wall holds takes the drag of the grains
+/// within an element of it, which is 1.6 % of the weight on this mesh.
 const CHANGES: [&str; 8] = [
     "walls[1].friction=0",
     "walls[2].friction=0",
@@ -46,10 +46,10 @@ fn gas(simulation: &Simulation) -> Option<(f64, f64)> {
     Some((laws.density * grains.settings().gravity.norm() * (high - low).y, (high - low).x))
 }
 
-/// A mean over a time differs from the weight by that of the gas, by the momentum that the grains gained and by what floor and
-/// walls carry, one per cent; all are known and close the balance. What is left, 0.1 %, is that nodes on the floor share the
-/// lowest row of grains, so that the pressure there is not quite the force on it: above a clear layer of two elements, the
-/// grains on a sieve, 0.02 % are left.
+/// A mean over a time differs from the weight by that of the gas, by the momentum that the grains gained and by what
+/// floor and walls carry, one per cent; all are known and close the balance. What is left, 0.1 %, is that nodes on the
+/// floor share the lowest row of grains, so that the pressure there is not quite the force on it: above a clear layer
+/// of two elements, the grains on a sieve, 0.02 % are left.
 fn run(effort: Effort) -> Result<Outcome> {
     let scene =
         Scene::parse(Path::new("cases/bubbling-bed/scene-quick.toml"), SCENE, &CHANGES.map(String::from))?;

@@ -32,14 +32,14 @@ const CLEAR: usize = 24;
 
 /// A square lattice of grains, a square of the mesh for every few.
 ///
-/// A uniform suspension does not stay one for long. P1 velocities that change sign from row to row of nodes have no divergence
-/// that a cell sees, so that only momentum holds them: solid that alternates from node to node by a share d drives them with
-/// some 10 d terminal velocities (measured, for fine grains, two to eight rows to a square). Waves run in from the front and from
-/// the sediment and grow; the inertia of coarse grains slows them. And a grain that passes through a cell loads it by its own
-/// weight, which the pressure stabilisation answers with a flow in proportion to its time: fine grains fall too fast, by 4 %
-/// (3 x 3 to a square) to 90 % (one), where a step is longer than their relaxation time, by 0.3 % where it is a tenth of it.
-/// So the lattice is one that loads all nodes alike, coarse grains are followed over eight rows, and fine ones over two, with short
-/// steps.
+/// A uniform suspension does not stay one for long. P1 velocities that change sign from row to row of nodes have no
+/// divergence that a cell sees, so that only momentum holds them: solid that alternates from node to node by a share d
+/// drives them with some 10 d terminal velocities (measured, for fine grains, two to eight rows to a square). Waves run
+/// in from the front and from the sediment and grow; the inertia of coarse grains slows them. And a grain that passes
+/// through a cell loads it by its own weight, which the pressure stabilisation answers with a flow in proportion to its
+/// time: fine grains fall too fast, by 4 % (3 x 3 to a square) to 90 % (one), where a step is longer than their
+/// relaxation time, by 0.3 % where it is a tenth of it. So the lattice is one that loads all nodes alike, coarse grains
+/// are followed over eight rows, and fine ones over two, with short steps.
 #[derive(Clone, Copy)]
 struct Suspension {
     function: VoidageFunction,
@@ -107,9 +107,9 @@ impl Suspension {
         Ok((system, laws))
     }
 
-    /// Height of the front, in spacings: that of a suspension of the full share of solid which holds as many rows above a
-    /// level in its middle as there are. The grains on top see the clear liquid of the cell above them, fall faster, and gather
-    /// to a cap as tall as a cell or two; what it holds is counted, where it is does not matter.
+    /// Height of the front, in spacings: that of a suspension of the full share of solid which holds as many rows above
+    /// a level in its middle as there are. The grains on top see the clear liquid of the cell above them, fall faster,
+    /// and gather to a cap as tall as a cell or two; what it holds is counted, where it is does not matter.
     fn front(&self, system: &Coupled<2>) -> Result<f64> {
         let grains = system.grains().ok_or_else(|| Error::run("no grains"))?;
         let mut heights: Vec<f64> = grains.particles.position.iter().map(|x| x.y / self.spacing()).collect();
@@ -122,8 +122,8 @@ impl Suspension {
         Ok(middle + (ROWS - above) as f64 - 0.5 + part)
     }
 
-    /// Time, in which a row falls by its distance to the next, and height of the front, in spacings, from rest to the end of
-    /// the window; and the speed that the closure gives, m/s.
+    /// Time, in which a row falls by its distance to the next, and height of the front, in spacings, from rest to the
+    /// end of the window; and the speed that the closure gives, m/s.
     fn fall(&self) -> Result<(Vec<(f64, f64)>, f64)> {
         let (mut system, laws) = self.system()?;
         let speed = self.speed(&laws);

@@ -18,8 +18,8 @@ pub const CASE: Case = Case {
 const PRANDTL: f64 = 0.71;
 const VOIDAGE: f64 = 0.45;
 
-/// Voidage function, its name, and the least and largest Nu / Nu_Wakao - 1, worked out from the printed formulas in Python
-/// with 1e5 values of Re_s, apart from this code.
+/// Voidage function, its name, and the least and largest Nu / Nu_Wakao - 1, worked out from the printed formulas in
+/// Python with 1e5 values of Re_s, apart from this code.
 const FUNCTIONS: [(VoidageFunction, &str, [f64; 2]); 5] = [
     (VoidageFunction::Henry, "henry", [-0.074898, 0.063267]),
     (VoidageFunction::HenryInterstitial, "henry-interstitial", [-0.008144, 0.191710]),

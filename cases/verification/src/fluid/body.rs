@@ -48,7 +48,8 @@ pub fn condition(boundary: &str, flow: FlowCondition<2>) -> Condition<2> {
     Condition { boundary: boundary.into(), flow, scalars: vec![] }
 }
 
-/// Force (N) on a body and its velocity (m/s) after one step from rest, its part of the boundary being the first condition.
+/// Force (N) on a body and its velocity (m/s) after one step from rest, its part of the boundary being the first
+/// condition.
 fn step(mesh: Mesh<2>, set: &FluidSet, dt: f64) -> Result<(Vec2, Vec2)> {
     let clear = vec![1.0; mesh.points.len()];
     let start = set.rest(&mesh, 0.0);
@@ -68,7 +69,8 @@ fn ring_drag(rings: usize) -> Result<f64> {
     Ok(-step(annulus(1.0, 4.0, rings, 4 * rings), &set, 1e6)?.0.x)
 }
 
-/// Acceleration over g of a free disc that weighs so many times the fluid in its place, from rest, without gravity on the fluid.
+/// Acceleration over g of a free disc that weighs so many times the fluid in its place, from rest, without gravity on
+/// the fluid.
 fn start(rings: usize, weight: f64) -> Result<f64> {
     let dt = 1e-3;
     let mut set = FluidSet::new(1.0, 1e-6);
@@ -151,8 +153,8 @@ fn with_droplet(
     Ok(Coupled::new(System::Fluid(Box::new(fluid)), scheme))
 }
 
-/// Velocity of a heavy disc that falls along the channel, from rest, after steps that each take it a quarter of its radius, over that at which
-/// weight and drag are equal.
+/// Velocity of a heavy disc that falls along the channel, from rest, after steps that each take it a quarter of its
+/// radius, over that at which weight and drag are equal.
 fn fall(edge: f64, steps: usize) -> Result<f64> {
     // So slowly that the disc reaches its velocity within a step.
     let (half, density, gravity) = (4.0, 1000.0, 1e-6);
@@ -170,8 +172,8 @@ fn fall(edge: f64, steps: usize) -> Result<f64> {
     Ok(droplet.map_or(0.0, |droplet| droplet.state.velocity.x) / terminal)
 }
 
-/// How far a stream of velocity 1 along the channel is from uniform in velocity, after a droplet as warm as it has ridden along with it for some steps and
-/// remeshings; and what of it the droplet felt.
+/// How far a stream of velocity 1 along the channel is from uniform in velocity, after a droplet as warm as it has
+/// ridden along with it for some steps and remeshings; and what of it the droplet felt.
 fn ride(edge: f64) -> Result<(f64, f64)> {
     let stream = Vec2::new(1.0, 0.0);
     let mut set = FluidSet::new(1.3, 0.01);
@@ -339,8 +341,8 @@ fn grows(expansion: f64) -> Result<f64> {
     Ok(balances[2].flux / growth)
 }
 
-/// Pressure at a disc that blows evenly into a bed of held points four times as wide, over kappa j r ln(R/r), kappa the drag per volume over the square of
-/// the voidage.
+/// Pressure at a disc that blows evenly into a bed of held points four times as wide, over kappa j r ln(R/r), kappa the
+/// drag per volume over the square of the voidage.
 fn bed_pressure(rings: usize) -> Result<f64> {
     let (mesh, voidage, drag, blowing) = (annulus(1.0, 4.0, rings, 4 * rings), 0.6, 50.0, 1e-3);
     let perimeter: f64 = mesh.boundary("inner")?.measure(&mesh);

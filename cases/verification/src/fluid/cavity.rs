@@ -81,7 +81,8 @@ fn at(line: &Line, place: f64) -> f64 {
     (0..4).map(|k| weight(k) * near[k].1).sum()
 }
 
-/// u along y and v along x at each Re, on n x n squares that are smaller towards the walls; each Re starts from the last.
+/// u along y and v along x at each Re, on n x n squares that are smaller towards the walls; each Re starts from the
+/// last.
 fn solve(squares: usize) -> Result<Vec<[Line; 2]>> {
     let mut mesh = grid([1.0, 1.0], [squares; 2])?;
     crowd_at_walls(&mut mesh, 0.7);

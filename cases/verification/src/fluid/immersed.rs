@@ -10,8 +10,8 @@ const PLACES: [[f64; 3]; 3] =
     [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
 
 /// Three bodies in every cell, so that sums over them are integrals of second order, at a time, s. The laws
-/// v* = b + a (gamma u - V grad p) and T* = c + a h T give the exact velocity and temperature of a body for the exact fields, and
-/// react to others.
+/// v* = b + a (gamma u - V grad p) and T* = c + a h T give the exact velocity and temperature of a body for the exact
+/// fields, and react to others.
 pub fn points(mesh: &Mesh<2>, fields: &Fields, bodies: &Bodies, time: f64) -> Points<2> {
     let mut points = Points::default();
     let mut heat = PointScalar::default();

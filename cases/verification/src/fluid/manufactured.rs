@@ -95,7 +95,8 @@ impl Exact {
         })
     }
 
-    /// div(eps u), 1/s: without bodies the solver has no d(eps)/dt, which is then a source; with them div(eps u + phi v).
+    /// div(eps u), 1/s: without bodies the solver has no d(eps)/dt, which is then a source; with them div(eps u + phi
+    /// v).
     pub fn mass(&self, bodies: Option<&Bodies>) -> f64 {
         let divergence = |share: Jet, u: &[Jet; 2]| -> f64 {
             (0..2).map(|j| share.slope[j] * u[j].value + share.value * u[j].slope[j]).sum()

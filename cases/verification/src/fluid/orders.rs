@@ -154,14 +154,15 @@ fn errors_of(off: &Off) -> [f64; 6] {
 
 /// The order that is asked for. That of the pressure tends to 1.5 from below where the wall-normal part of div(eps eta
 /// grad u) is not zero at the walls: P1 has no second derivatives, so the pressure stabilisation replaces the equation
-/// there by one without it, an error of order 1 in a strip as wide as the mesh. (1.16, 1.33, 1.45, 1.48 on 16 to 256 squares
-/// of the still field.) Where that part is zero, as in the sliding field, and away from the walls in all fields, the order is 2.
+/// there by one without it, an error of order 1 in a strip as wide as the mesh. (1.16, 1.33, 1.45, 1.48 on 16 to 256
+/// squares of the still field.) Where that part is zero, as in the sliding field, and away from the walls in all
+/// fields, the order is 2.
 ///
-/// A vorticity of the cells at the walls would put the missing part back, since div grad u = grad div u - curl curl u. Tried:
-/// the error halves on squares, grows by a third to a half where cells are twice and more as long as wide, and doubles on
-/// meshes without order. So would a stress recovered at the nodes. Tried in scikit-fem with averages inside and linear
-/// continuation to the walls: two thirds of the error on 64 squares, of the same order, and twice the error away from walls; plain
-/// averages or a projection, of first order on the walls, do not help at all.
+/// A vorticity of the cells at the walls would put the missing part back, since div grad u = grad div u - curl curl u.
+/// Tried: the error halves on squares, grows by a third to a half where cells are twice and more as long as wide, and
+/// doubles on meshes without order. So would a stress recovered at the nodes. Tried in scikit-fem with averages inside
+/// and linear continuation to the walls: two thirds of the error on 64 squares, of the same order, and twice the error
+/// away from walls; plain averages or a projection, of first order on the walls, do not help at all.
 fn least(quantity: usize, fields: &Fields, effort: Effort) -> f64 {
     match (QUANTITIES[quantity].0, fields.name) {
         ("p in L2", "sliding") => 1.9,
@@ -207,11 +208,13 @@ fn run_space(effort: Effort) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// The same on squares whose diagonals are parallel, so fine that the pressure has the order of theory, and on meshes without order.
+/// The same on squares whose diagonals are parallel, so fine that the pressure has the order of theory, and on meshes
+/// without order.
 ///
-/// Where edges have three directions, what the two triangles of an edge are off by cancels, but along walls: the solution
-/// approaches the interpolated one with order 1.5, and the pressure has that order. Elsewhere nothing cancels: what the divergence is
-/// off by, from triangle to triangle, leaves a pressure of order 1, unless bodies that yield to it smooth it.
+/// Where edges have three directions, what the two triangles of an edge are off by cancels, but along walls: the
+/// solution approaches the interpolated one with order 1.5, and the pressure has that order. Elsewhere nothing cancels:
+/// what the divergence is off by, from triangle to triangle, leaves a pressure of order 1, unless bodies that yield to
+/// it smooth it.
 fn run_meshes(effort: Effort) -> Result<Outcome> {
     let parallel: &[usize] = effort.pick(&[16, 32, 64], &[32, 64, 128, 256, 512]);
     let unstructured: &[usize] = effort.pick(&[16, 32, 64], &[16, 32, 64, 128]);
@@ -275,8 +278,9 @@ fn apart(a: &State<2>, b: &State<2>) -> [f64; 3] {
     ]
 }
 
-/// Two findings: on one mesh, where errors in space cancel as far as the stabilisation does not know the time step (2/dt is
-/// far below 4 nu/h^2), solutions of time steps that are halved approach each other at order 1; and when the mesh is halved and the time step quartered, the exact fields are approached at order 2.
+/// Two findings: on one mesh, where errors in space cancel as far as the stabilisation does not know the time step
+/// (2/dt is far below 4 nu/h^2), solutions of time steps that are halved approach each other at order 1; and when the
+/// mesh is halved and the time step quartered, the exact fields are approached at order 2.
 fn run_time(effort: Effort) -> Result<Outcome> {
     let run = |squares: usize, steps: usize| Run {
         fields: UNSTEADY,

@@ -1,4 +1,5 @@
-//! Stefan vaporisation: a still disc of boiling liquid, the vapour that its heat makes, and the temperature and the vapour around.
+//! Stefan vaporisation: a still disc of boiling liquid, the vapour that its heat makes, and the temperature and the
+//! vapour around.
 
 use crate::models::{FluidSet, Vec2, annulus};
 use crate::norms::errors;

@@ -28,8 +28,8 @@ const SCALARS: [(&str, f64, f64, f64); 2] =
 /// Rise of all of them along the channel, per m.
 const RISE: f64 = 1.0;
 
-/// The flow relative to its mean, m/s: U (6 eta (1 - eta) - 1) with eta = y/H. Linear between so many nodes across it would have
-/// the mean -U/n^2, which would carry more than disperses; that is taken off.
+/// The flow relative to its mean, m/s: U (6 eta (1 - eta) - 1) with eta = y/H. Linear between so many nodes across it
+/// would have the mean -U/n^2, which would carry more than disperses; that is taken off.
 fn stream(x: &Vec2, squares: usize) -> Vec2 {
     let (eta, edge) = (x.y / HEIGHT, 1.0 / squares as f64);
     Vec2::new(SPEED * (6.0 * eta * (1.0 - eta) - 1.0 + edge * edge), 0.0)

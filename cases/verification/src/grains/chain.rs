@@ -29,8 +29,8 @@ pub fn metal() -> Material {
     Material { young: 1e9, poisson: 0.3, conductivity: 10.0, heat_capacity: 100.0, ..Material::default() }
 }
 
-/// Conductance of a contact of two grains of [`metal`] of one diameter under a force, W/K: H = 4 k (F d*/(2 pi E*))^(1/4)
-/// with d* = d/2 and E* = E/(2 (1 - nu^2)).
+/// Conductance of a contact of two grains of [`metal`] of one diameter under a force, W/K: H = 4 k (F d*/(2 pi
+/// E*))^(1/4) with d* = d/2 and E* = E/(2 (1 - nu^2)).
 pub fn conductance(force: f64, diameter: f64) -> f64 {
     let m = metal();
     let stiffness = m.young / (2.0 * (1.0 - m.poisson * m.poisson));

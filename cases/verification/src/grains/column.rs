@@ -25,8 +25,8 @@ const RESTITUTION: f64 = 0.5;
 /// Diameters, uniform.
 const DIAMETERS: [f64; 2] = [0.8, 1.2];
 
-/// A column at rest between walls, about x = 0, its half width and its aspect ratio height/half width; the height is twice
-/// that of the centre of mass.
+/// A column at rest between walls, about x = 0, its half width and its aspect ratio height/half width; the height is
+/// twice that of the centre of mass.
 fn column(count: usize, aspect: f64, seed: u64) -> Result<(Particles<2>, f64, f64)> {
     let materials = [material()];
     let [min, max] = DIAMETERS.map(|d| 0.5 * d);
@@ -68,8 +68,8 @@ fn collapse(count: usize, aspect: f64, seed: u64) -> Result<Heap> {
     Ok(Heap { runout: 0.5 * (right - left) / half - 1.0, aspect })
 }
 
-/// Ends of the heap: going outwards from the middle, the first place where the ground is bare for a diameter. Single discs
-/// that roll on, as discs on a flat floor do, lie beyond.
+/// Ends of the heap: going outwards from the middle, the first place where the ground is bare for a diameter. Single
+/// discs that roll on, as discs on a flat floor do, lie beyond.
 fn fronts(dem: &Dem<2>) -> [f64; 2] {
     let p = &dem.particles;
     [-1.0, 1.0].map(|side: f64| {

@@ -41,8 +41,9 @@ fn side() -> f64 {
 ///
 /// In a box the centres have the room (L - d)^2. To first order in d/L and in the density, two things differ at a
 /// wall: discs gather there (the excluded area of a disc at the distance z < d that lies beyond the wall is
-/// free of others: integrated over z, an excess of 2/3 n^2 d^3 per length of wall), and have no partners beyond it (of the
-/// directions in which a disc at z can be met the share acos(z/d)/pi is missing: d/pi of collisions per length of wall).
+/// free of others: integrated over z, an excess of 2/3 n^2 d^3 per length of wall), and have no partners beyond it (of
+/// the directions in which a disc at z can be met the share acos(z/d)/pi is missing: d/pi of collisions per length of
+/// wall).
 fn cooling() -> f64 {
     let room = side() - DIAMETER;
     let mut density = COUNT as f64 / (room * room);
@@ -58,7 +59,8 @@ fn cooling() -> f64 {
 }
 
 /// Time and temperature (mean of v^2/2) until it has fallen to `last` of the first, in steps in which a grain of
-/// thermal velocity crosses the share `travel` of its diameter: as it cools, steps grow, and the error of the steps stays.
+/// thermal velocity crosses the share `travel` of its diameter: as it cools, steps grow, and the error of the steps
+/// stays.
 fn cool(seed: u64, travel: f64, last: f64) -> Result<Vec<(f64, f64)>> {
     let material = Material { restitution: RESTITUTION, ..Material::default() };
     let materials = [material];
@@ -94,9 +96,9 @@ fn cool(seed: u64, travel: f64, last: f64) -> Result<Vec<(f64, f64)>> {
 
 /// Measured over theoretical rate.
 ///
-/// A Moreau-Jean step reverses two discs that would meet within it at its start, up to h |u_n| before they touch. So they
-/// meet as discs that much larger, the faster the more, and also where they would have missed each other by less than
-/// that: the gas cools too fast by an amount of first order in the step.
+/// A Moreau-Jean step reverses two discs that would meet within it at its start, up to h |u_n| before they touch. So
+/// they meet as discs that much larger, the faster the more, and also where they would have missed each other by less
+/// than that: the gas cools too fast by an amount of first order in the step.
 fn ratio(path: &[(f64, f64)]) -> f64 {
     line(&path.iter().map(|(t, temperature)| (*t, temperature.powf(-0.5))).collect::<Vec<_>>()).1 / cooling()
 }

@@ -79,8 +79,8 @@ fn flow(silo: Silo, opening: f64, seed: u64) -> Result<f64> {
     Ok(left as f64 * unit / (dem.time() - start.unwrap_or(0.0)))
 }
 
-/// Puts grains that fell two diameters below the floor back on the surface; how many. They come down at 2 sqrt(g d), faster
-/// than others are put in their place: at rest they would hang above each other, a rain as high as the bed.
+/// Puts grains that fell two diameters below the floor back on the surface; how many. They come down at 2 sqrt(g d),
+/// faster than others are put in their place: at rest they would hang above each other, a rain as high as the bed.
 fn refill(dem: &mut Dem<2>, width: f64, rng: &mut rand_pcg::Pcg64) -> usize {
     let p = &mut dem.particles;
     let columns = (width / 1.3) as usize;
@@ -146,7 +146,8 @@ fn mankoc(points: &[(f64, f64)]) -> [f64; 2] {
 /// Beverloo's (W - k d)^1.5 is the limit of wide openings: k grows with W, so that with k free the exponent of such
 /// openings is above 1.5, also that of Mankoc's law. Over five seeds it must still be 1.5. The quick
 /// form, with narrower openings, is held against the law fitted to the same silos, which tells little more than the fit
-/// itself. Its silos are as high and wide over the opening as those of the full form: in lower ones the exponent is 1.9 to 2.0.
+/// itself. Its silos are as high and wide over the opening as those of the full form: in lower ones the exponent is 1.9
+/// to 2.0.
 fn run(effort: Effort) -> Result<Outcome> {
     let silo = effort.pick(
         Silo { wide: 2.5, margin: 16.0, slender: 1.2, step: 0.03, grains: 2000 },

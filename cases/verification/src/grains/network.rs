@@ -70,8 +70,8 @@ fn square(rows: usize, columns: usize) -> Lattice {
 
 /// Rows of n and n - 1 discs in turn, from a held row of n up to a hot row of n - 1. All that touch are diagonal
 /// neighbours under the same force: the discs of a row are 1e-6 apart, which leaves no doubt about the forces (six
-/// contacts each would) and changes nothing for a flux across the rows. The discs at the ends of a row push outwards: they
-/// are held by forces from outside.
+/// contacts each would) and changes nothing for a flux across the rows. The discs at the ends of a row push outwards:
+/// they are held by forces from outside.
 fn triangular(n: usize, rows: usize) -> Lattice {
     let spacing = 1.0_f64 + 1e-6;
     let height = f64::sqrt(1.0 - 0.25 * spacing * spacing);
@@ -119,8 +119,8 @@ fn bed(count: usize) -> Result<Vec<(f64, f64)>> {
     ];
     let grains = settled.particles.rotating().heated(350.0, &materials)?;
     let start = grains.clone();
-    // The network is made of the forces as they come out. At the limit of friction sweeps may go round in circles, at errors of the
-    // energy of up to 1e-7.
+    // The network is made of the forces as they come out. At the limit of friction sweeps may go round in circles, at
+    // errors of the energy of up to 1e-7.
     let settings = Settings { tolerance: 1e-6, conduction: Some(Conduction::Henry), ..precise() };
     let mut dem = Dem::new(grains, walls, materials.to_vec(), settings)?;
     // C/h beside conductances of some 0.1 W/K: nearly steady, and grains without contacts keep their temperature.

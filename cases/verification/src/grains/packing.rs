@@ -29,9 +29,9 @@ const START: f64 = 0.4;
 /// Layers (large diameters) at the surface that the density leaves out.
 const SURFACE: f64 = 3.0;
 
-/// Share of the mean force below which a contact does not count. The solver leaves overlaps of up to 2e-3 of a radius, so that more discs
-/// touch than rigid ones would; what these contacts carry is below 1e-3 of the mean. Of those that hold a packing hardly one in
-/// thousands carries so little (the density of small forces falls to zero).
+/// Share of the mean force below which a contact does not count. The solver leaves overlaps of up to 2e-3 of a radius,
+/// so that more discs touch than rigid ones would; what these contacts carry is below 1e-3 of the mean. Of those that
+/// hold a packing hardly one in thousands carries so little (the density of small forces falls to zero).
 const KNOWN: f64 = 1e-3;
 
 /// A packing at rest.
@@ -50,8 +50,8 @@ impl Packed {
         self.contacts as f64 - (2 * self.backbone - 1) as f64
     }
 
-    /// The contacts that discs which overlap have beyond those of rigid ones: z - 4 = 3.6 (phi - phi_c)^(1/2), with the compression
-    /// phi - phi_c = 2 phi strain.
+    /// The contacts that discs which overlap have beyond those of rigid ones: z - 4 = 3.6 (phi - phi_c)^(1/2), with the
+    /// compression phi - phi_c = 2 phi strain.
     fn explained(&self) -> f64 {
         0.5 * self.backbone as f64 * 3.6 * (2.0 * 0.841 * self.strain).sqrt()
     }
@@ -59,9 +59,9 @@ impl Packed {
 
 /// Compresses a random cloud without walls and without inertia.
 ///
-/// The discs drift with a medium that contracts isotropically, u = -x per unit of time, by a drag in proportion to their
-/// mass: before they touch, the cloud shrinks without changing shape; at the end each disc is at rest under a force towards
-/// the middle that its contacts carry. Density does not depend on that force: discs are rigid.
+/// The discs drift with a medium that contracts isotropically, u = -x per unit of time, by a drag in proportion to
+/// their mass: before they touch, the cloud shrinks without changing shape; at the end each disc is at rest under a
+/// force towards the middle that its contacts carry. Density does not depend on that force: discs are rigid.
 fn compress(count: usize, seed: u64) -> Result<Packed> {
     let materials = [Material::default()];
     let radii = (0..count).map(|k| RADII[k % 2]).collect();

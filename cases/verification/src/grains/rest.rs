@@ -24,8 +24,8 @@ const STEP: f64 = 5e-4;
 const DIAMETER: f64 = 50e-6;
 const WIDTH: f64 = 50.0;
 
-/// Time after which a stack must rest, s; and a random bed, in the time of a free fall over its height: grain by grain it
-/// was built, and the last of them find their holes when what lies below them has settled.
+/// Time after which a stack must rest, s; and a random bed, in the time of a free fall over its height: grain by grain
+/// it was built, and the last of them find their holes when what lies below them has settled.
 const STACK_RESTS: f64 = 0.02;
 const FALLS: f64 = 3.0;
 

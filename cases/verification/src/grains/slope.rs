@@ -23,8 +23,8 @@ const RADIUS: f64 = 0.05;
 const STEP: f64 = 1e-3;
 const STEPS: usize = 50;
 
-/// Accelerations down the slope and of the rim, over g sin, of a disc (or a block: a disc that does not turn) on a slope of
-/// the tangent `ratio` mu.
+/// Accelerations down the slope and of the rim, over g sin, of a disc (or a block: a disc that does not turn) on a
+/// slope of the tangent `ratio` mu.
 fn descend(ratio: f64, turns: bool) -> Result<[f64; 2]> {
     let (sin, cos) = (ratio * FRICTION).atan().sin_cos();
     let material = rubbing(FRICTION);

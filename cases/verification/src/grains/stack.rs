@@ -75,10 +75,10 @@ fn sweeps(n: usize, acceleration: Acceleration) -> Result<usize> {
 
 /// Contraction of the error per plain sweep.
 ///
-/// The Delassus matrix is tridiag(-1, 2, -1)/m but for the floor contact, whose diagonal is 1/m (the floor does not move).
-/// Jacobi's iteration is then a random walk on 0 .. N - 1, absorbed above and turned back at 0 with certainty: its
-/// eigenvectors cos(k pi/(2 N)) vanish at k = N, the eigenvalue is cos(pi/(2 N)). The matrix is consistently ordered,
-/// so Gauss-Seidel has its square in any order of the contacts. (With 2/m on the whole diagonal it would be
+/// The Delassus matrix is tridiag(-1, 2, -1)/m but for the floor contact, whose diagonal is 1/m (the floor does not
+/// move). Jacobi's iteration is then a random walk on 0 .. N - 1, absorbed above and turned back at 0 with certainty:
+/// its eigenvectors cos(k pi/(2 N)) vanish at k = N, the eigenvalue is cos(pi/(2 N)). The matrix is consistently
+/// ordered, so Gauss-Seidel has its square in any order of the contacts. (With 2/m on the whole diagonal it would be
 /// cos^2(pi/(2 N + 1)); N = 2 by hand: 1/2.)
 fn rate(n: usize) -> f64 {
     (PI / (2 * n) as f64).cos().powi(2)

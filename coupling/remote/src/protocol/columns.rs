@@ -1,7 +1,7 @@
 //! The tables that travel: which columns they have, what these mean, and where they lie in a payload.
 //!
-//! A table lists its columns once, here; frames and Python go through the list. Columns lie one after the other, each padded to
-//! the stride of the frame, the numbers of a row of a vector side by side.
+//! A table lists its columns once, here; frames and Python go through the list. Columns lie one after the other, each
+//! padded to the stride of the frame, the numbers of a row of a vector side by side.
 
 use super::Header;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! The frames of a step: point terms, and what the fluid answers.
 //!
-//! A message knows its header and length, so that the payload can be borrowed from shared memory, and then writes itself
-//! there.
+//! A message knows its header and length, so that the payload can be borrowed from shared memory, and then writes
+//! itself there.
 
 use super::columns::{PAD, POINT_SCALAR, POINTS, Table, TableLayout, wrong};
 use super::mesh::fields_at;
@@ -148,7 +148,8 @@ fn numbers_of_body(dimension: usize) -> usize {
     dimension + 1
 }
 
-/// The longest payload of a solution for a mesh of `nodes` nodes, with `scalars` scalars and so many parts of the boundary.
+/// The longest payload of a solution for a mesh of `nodes` nodes, with `scalars` scalars and so many parts of the
+/// boundary.
 pub fn longest_solution(dimension: usize, (nodes, scalars, parts): (usize, usize, usize)) -> usize {
     let columns = dimension + 1 + scalars;
     let of_part = numbers_of_balance(dimension, scalars) + numbers_of_body(dimension);

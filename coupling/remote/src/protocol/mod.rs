@@ -1,7 +1,7 @@
 //! The frames between grains and a fluid solver in another process.
 //!
-//! A frame is a [`Header`] and a payload of 8-byte numbers: whole columns one after the other ([`TableLayout`]), and a UTF-8
-//! text packed in the last numbers. The grains ask, the fluid answers ([`Kind`]):
+//! A frame is a [`Header`] and a payload of 8-byte numbers: whole columns one after the other ([`TableLayout`]), and a
+//! UTF-8 text packed in the last numbers. The grains ask, the fluid answers ([`Kind`]):
 //!
 //! ```text
 //! fluid   hello     its name                     grains  hello     all that does not change, as JSON (`Setup`)
@@ -14,8 +14,8 @@
 //! A step starts from the last accepted state, however often it is asked for; the flag [`ACCEPT`] on a step
 //! accepts the solution before it, [`APPEARS`] says that it brings a source of mass. Instead of an answer there may be
 //! an error with a text, and heartbeats
-//! before it. Only the columns that a scene needs travel, and places and velocities of the nodes only if the mesh moves. All
-//! quantities are in SI units.
+//! before it. Only the columns that a scene needs travel, and places and velocities of the nodes only if the mesh
+//! moves. All quantities are in SI units.
 
 mod columns;
 mod header;

@@ -58,8 +58,8 @@ pub trait Channel: Send {
     /// What sends heartbeats beside.
     fn pulse(&self) -> Pulse;
 
-    /// The longest payload that the other process may send next, numbers. A longer one is refused before memory is taken for it;
-    /// where the other process brings that memory itself, this changes nothing.
+    /// The longest payload that the other process may send next, numbers. A longer one is refused before memory is
+    /// taken for it; where the other process brings that memory itself, this changes nothing.
     fn allow(&mut self, _numbers: usize) {}
 
     /// Why the last of those was turned away who came in the place of the fluid solver.
@@ -68,9 +68,9 @@ pub trait Channel: Send {
     }
 }
 
-/// The channel of the grains at an address, and the address that the solver must be given. With TCP port 0 means any, `silence` is
-/// the longest time that the solver may take nothing of a frame or be on its way with one, and those are turned away whose first
-/// frame is no hello with the token.
+/// The channel of the grains at an address, and the address that the solver must be given. With TCP port 0 means any,
+/// `silence` is the longest time that the solver may take nothing of a frame or be on its way with one, and those are
+/// turned away whose first frame is no hello with the token.
 ///
 /// # Errors
 /// The address is in use, or there is no shared memory.

@@ -200,8 +200,8 @@ impl Shared {
         sample.map(Frame::shared).transpose()
     }
 
-    /// Whether the other process is there or still to come. One that died, be it before its first frame, is removed from
-    /// shared memory.
+    /// Whether the other process is there or still to come. One that died, be it before its first frame, is removed
+    /// from shared memory.
     fn is_there(&mut self) -> bool {
         let (mut there, mut dead) = (false, false);
         let listed = self.incoming.nodes(|state| {

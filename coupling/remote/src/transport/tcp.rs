@@ -22,7 +22,8 @@ struct Partial {
 }
 
 impl Partial {
-    /// Reads on, for a tenth of a second at most; `None` if there is no whole frame then. Its payload may have so many numbers.
+    /// Reads on, for a tenth of a second at most; `None` if there is no whole frame then. Its payload may have so many
+    /// numbers.
     fn read_on(&mut self, stream: &mut TcpStream, longest: usize) -> Result<Option<Frame>, PeerError> {
         let end = Instant::now() + LOOK;
         let Self { header, payload, read, .. } = self;
@@ -52,8 +53,8 @@ impl Partial {
         Frame::owned(header, payload).map(Some)
     }
 
-    /// Whether a frame has been on its way for longer than this. A process that was stopped finds it late when it goes on: it looks
-    /// once more.
+    /// Whether a frame has been on its way for longer than this. A process that was stopped finds it late when it goes
+    /// on: it looks once more.
     fn is_late(&mut self, longest: Duration) -> bool {
         if self.read == 0 {
             return false;
@@ -183,8 +184,8 @@ impl Tcp {
         }
     }
 
-    /// Listens at `HOST:PORT`, for one solver that greets with the token; also returns where, with the port that was chosen for
-    /// port 0.
+    /// Listens at `HOST:PORT`, for one solver that greets with the token; also returns where, with the port that was
+    /// chosen for port 0.
     ///
     /// # Errors
     /// The port is in use.
@@ -240,8 +241,8 @@ impl Tcp {
     }
 }
 
-/// Fills a part of a frame that starts at `start`, of which `read` bytes are there; `false` if it takes longer, or goes on beyond
-/// `end`.
+/// Fills a part of a frame that starts at `start`, of which `read` bytes are there; `false` if it takes longer, or goes
+/// on beyond `end`.
 fn fill(
     stream: &mut TcpStream,
     part: &mut [u8],

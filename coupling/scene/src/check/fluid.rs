@@ -335,8 +335,9 @@ fn choices(scene: &Scene, droplet: &Droplet) -> Checked {
 }
 
 impl Scene {
-    /// Checks the conditions of `fluid.boundaries` against the names of the mesh: each condition names a boundary of the
-    /// mesh, and each boundary of the mesh has a condition. To be called again once a mesh has been read from a file.
+    /// Checks the conditions of `fluid.boundaries` against the names of the mesh: each condition names a boundary of
+    /// the mesh, and each boundary of the mesh has a condition. To be called again once a mesh has been read from a
+    /// file.
     pub fn check_boundary_names(&self, names: &[&str]) -> Checked {
         let boundaries = self.fluid.as_ref().map_or(&[][..], |fluid| &fluid.boundaries);
         for (i, boundary) in boundaries.iter().enumerate() {

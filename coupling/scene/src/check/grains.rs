@@ -555,11 +555,12 @@ fn bounds(scene: &Scene) -> Option<([f64; 2], [f64; 2])> {
 /// Largest coordinate of a grain of a file, m.
 const FAR: f64 = 1e6;
 
-/// Share of the smaller radius by which grains of a file may overlap: what rounding in the file does, and a little more.
+/// Share of the smaller radius by which grains of a file may overlap: what rounding in the file does, and a little
+/// more.
 const OVERLAP: f64 = 0.02;
 
-/// Share of the radius by which a grain may overlap a wall or a grain of another group once all are placed: settling leaves
-/// small penetrations, a wrong box much more.
+/// Share of the radius by which a grain may overlap a wall or a grain of another group once all are placed: settling
+/// leaves small penetrations, a wrong box much more.
 const LEFT_BY_SETTLING: f64 = 0.25;
 
 /// Grains of a file lie inside the fluid, off the walls, and apart. Lines of the file: the header is the first.
@@ -655,8 +656,8 @@ fn distance_to_wall(wall: &Wall, period: &Period<2>, place: &Vector<2>) -> f64 {
 }
 
 impl Scene {
-    /// Checks that grains of different groups do not overlap once all have been placed, and that no wall cuts one (placement
-    /// keeps the grains of a group apart). The error points at the group.
+    /// Checks that grains of different groups do not overlap once all have been placed, and that no wall cuts one
+    /// (placement keeps the grains of a group apart). The error points at the group.
     pub(crate) fn check_apart(&self, grains: &Particles<2>) -> Result<(), Error> {
         let path = |grain: usize| format!("grains[{}].placement", grains.material[grain]);
         let number =

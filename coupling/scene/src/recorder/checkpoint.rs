@@ -127,11 +127,22 @@ impl Checkpoint {
         self.decode(&self.recorder)
     }
 
+    /// What refuses a checkpoint whose checksum is right and whose content is not.
+    pub(crate) fn refused(&self, what: &str) -> Error {
+        let help = "use an earlier one, or run from the start";
+        Error::input(Notice::new(format!("is no state of a run: {what}"), help).within(self.path.display()))
+    }
+
     fn decode<T: DeserializeOwned>(&self, bytes: &[u8]) -> Result<T> {
-        postcard::from_bytes(bytes).map_err(|error| {
+        let (decoded, rest) = postcard::take_from_bytes(bytes).map_err(|error| {
             let what = format!("was written by another version of voidage: {error}");
             Error::input(Notice::new(what, "run from the start").within(self.path.display()))
-        })
+        })?;
+        if rest.is_empty() {
+            Ok(decoded)
+        } else {
+            Err(self.refused(&format!("{} bytes are left over", rest.len())))
+        }
     }
 }
 

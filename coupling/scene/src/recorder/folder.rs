@@ -1,8 +1,8 @@
 //! The folder of a run: one process at a time writes into it, and it holds the files of one run.
 //!
-//! A folder that runs have written into has a file [`LOCK`]. Its lock belongs to the process that writes, and goes with it whatever ends it.
-//! Files that no run makes are never touched; files named like those of a run, in a folder without [`LOCK`], belong to
-//! somebody else.
+//! A folder that runs have written into has a file [`LOCK`]. Its lock belongs to the process that writes, and goes with
+//! it whatever ends it. Files that no run makes are never touched; files named like those of a run, in a folder without
+//! [`LOCK`], belong to somebody else.
 
 use super::create_folder;
 use super::files::TEMPORARY;
@@ -96,8 +96,8 @@ impl OutputFolder {
     /// Takes a folder, which is made if need be.
     ///
     /// # Errors
-    /// Another process writes into it; it holds a run and `earlier` keeps that; files of somebody else have the names of those of
-    /// a run; it cannot be made.
+    /// Another process writes into it; it holds a run and `earlier` keeps that; files of somebody else have the names
+    /// of those of a run; it cannot be made.
     pub fn take(path: &Path, earlier: Earlier) -> Result<OutputFolder> {
         let known = path.join(LOCK).is_file();
         let present = names(path, |name| FILES.contains(&name) || is_picture(name));

@@ -1,8 +1,8 @@
 //! Files that a run leaves: ParaView frames, time series, time averages, checkpoints and a summary.
 //!
 //! Everything is written from plain columns, so that nothing here knows how they were computed. Whole files appear at
-//! once (written beside and renamed) and rows of a series are cut back when one cannot be finished: whatever ends a run,
-//! what it wrote before stays readable.
+//! once (written beside and renamed) and rows of a series are cut back when one cannot be finished: whatever ends a
+//! run, what it wrote before stays readable.
 
 mod averages;
 mod checkpoint;

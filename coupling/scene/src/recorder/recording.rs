@@ -73,8 +73,9 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Starts the files of a run: the scene as resolved, and what is due at time 0. Those of an earlier run are removed. From a
-    /// checkpoint of a run in another folder it starts with a frame of then, and the series with the step after it.
+    /// Starts the files of a run: the scene as resolved, and what is due at time 0. Those of an earlier run are
+    /// removed. From a checkpoint of a run in another folder it starts with a frame of then, and the series with the
+    /// step after it.
     pub fn start<const D: usize>(
         folder: OutputFolder,
         scene: &Scene,
@@ -173,8 +174,8 @@ impl Recording {
         (interval / self.step).round().max(1.0) as u64
     }
 
-    /// Writes what is due after this many steps, but for the checkpoint; returns the row of the series, if one is due. The readings must be
-    /// those of the start, in order.
+    /// Writes what is due after this many steps, but for the checkpoint; returns the row of the series, if one is due.
+    /// The readings must be those of the start, in order.
     pub fn record<const D: usize>(
         &mut self,
         step: u64,
@@ -234,7 +235,8 @@ impl Recording {
     pub fn checkpoint(&self, stamp: &Stamp, state: &impl Serialize) -> Result<PathBuf> {
         self.series.check()?;
         let path = self.folder().join(CHECKPOINT);
-        // Before the checkpoint: a run that is killed between the two goes on from the one before, and writes them again.
+        // Before the checkpoint: a run that is killed between the two goes on from the one before, and writes them
+        // again.
         self.write_averages()?;
         Checkpoint::write(&path, stamp, state, &self.kept())?;
         Ok(path)

@@ -94,6 +94,10 @@ fn checkpoints_read_back_and_refuse_damage_and_other_scenes() {
         assert!(error.is_input());
         error.to_string()
     };
+    // The checksum of what is not a state is as good as any.
+    let forged = read.state::<Vec<f64>>().unwrap_err();
+    assert!(forged.is_input() && forged.to_string().contains("left over"), "{forged}");
+
     assert!(message(&path, &"b".repeat(64)).contains("another scene"));
     let good = fs::read(&path).unwrap();
     for at in [12, 80, 90, 120, 150, good.len() - 1] {

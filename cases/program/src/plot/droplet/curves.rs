@@ -123,7 +123,8 @@ impl<'a> Run<'a> {
         (scale > 0.0).then_some(Parts { parts, scale })
     }
 
-    /// Heat to the droplet over that of the gas in the first row after time zero: gas, grains, and the sum, which boils it.
+    /// Heat to the droplet over that of the gas in the first row after time zero: gas, grains, and the sum, which boils
+    /// it.
     fn heats(&self) -> Option<Parts> {
         let gas = self.column("droplet_gas_heat_W_per_m")?;
         let grains = self.column("droplet_grain_heat_W_per_m")?;
@@ -235,7 +236,8 @@ const HEAT: Figure = Figure {
 pub const SINGLE: [Figure; 4] = [DEPTH, VELOCITY, TEMPERATURE, LIFETIME];
 
 impl Figure {
-    /// The curve of a run under a name, for a picture of one curve for each run; none where its series does not hold it.
+    /// The curve of a run under a name, for a picture of one curve for each run; none where its series does not hold
+    /// it.
     pub fn curve(&self, run: &Run, name: &str) -> Option<Curve> {
         let curve = (self.curves)(run)?.into_iter().next()?;
         (!curve.points.is_empty()).then(|| Curve { name: name.to_owned(), ..curve })

@@ -1,5 +1,5 @@
-//! Pictures of runs with a droplet, in the scales of Henry et al.: the diameter D at time zero, the time sqrt(D/g) of a fall, the velocity
-//! sqrt(D g), the weight at time zero, and the heat of the gas in the first step that is recorded.
+//! Pictures of runs with a droplet, in the scales of Henry et al.: the diameter D at time zero, the time sqrt(D/g) of a
+//! fall, the velocity sqrt(D g), the weight at time zero, and the heat of the gas in the first step that is recorded.
 
 pub mod compare;
 mod curves;

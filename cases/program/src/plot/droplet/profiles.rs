@@ -68,8 +68,8 @@ fn at_height(points: &[(f64, f64)], height: f64) -> Option<(f64, f64)> {
     })
 }
 
-/// Mean scaled temperature of the grains with the same whole number of a coordinate, over the middle of that coordinate; grains count by volume.
-/// The coordinate is of the centre over D; grains without one are left out.
+/// Mean scaled temperature of the grains with the same whole number of a coordinate, over the middle of that
+/// coordinate; grains count by volume. The coordinate is of the centre over D; grains without one are left out.
 fn means(run: &Run, grains: &Frame, coordinate: impl Fn([f64; 2]) -> Option<f64>) -> Points {
     let (Some(radius), Some(temperature)) = (grains.column("radius_m"), grains.column("temperature_K"))
     else {
