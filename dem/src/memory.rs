@@ -89,9 +89,9 @@ impl<const D: usize> Memory<D> {
             && self.starts.is_sorted()
             && self.partner.iter().all(partner)
             && self.impulse.len() == count
-            && [0, count].contains(&self.age.len())
+            && [&self.age, &self.rolling].iter().all(|beside| [0, count].contains(&beside.len()))
             && self.h.is_finite()
-            && self.impulse.iter().flatten().chain(&self.age).all(|x| x.is_finite())
+            && self.impulse.iter().flatten().chain(&self.age).chain(&self.rolling).all(|x| x.is_finite())
     }
 
     /// All contacts by the numbers of their grains.
@@ -228,20 +228,22 @@ mod tests {
     fn contacts_fit_their_grains_and_walls_or_are_refused() {
         let good = {
             let mut memory = Memory::<2>::default();
-            let record = |j| Record { i: 0, j, impulse: Vector::<2>::new(1.0, 2.0), age: 0.5 };
-            memory.store(2, 1e-3, true, || [record(1), record(WALL)].into_iter());
+            let record = |j| Record { i: 0, j, impulse: Vector::<2>::new(1.0, 2.0), age: 0.5, rolling: 0.25 };
+            memory.store(2, 1e-3, ALL, || [record(1), record(WALL)].into_iter());
             memory
         };
         assert!(good.fits(2, 1) && Memory::<2>::default().fits(7, 0));
         assert!(!good.fits(3, 1) && !good.fits(1, 1) && !good.fits(2, 0));
         type Forge = fn(&mut Memory<2>);
-        let forge: [Forge; 8] = [
+        let forge: [Forge; 10] = [
             |m| m.partner[0] = 2,
             |m| m.partner[1] = WALL + 1,
             |m| m.starts[1] = 9,
             |m| m.starts[2] = 1,
             |m| _ = m.impulse.pop(),
             |m| _ = m.age.pop(),
+            |m| _ = m.rolling.pop(),
+            |m| m.rolling[1] = f64::INFINITY,
             |m| m.impulse[0][1] = f64::NAN,
             |m| m.h = f64::INFINITY,
         ];
