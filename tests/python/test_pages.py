@@ -10,8 +10,6 @@ from test_simulation import BED
 from conftest import ROOT
 
 PYTHON = "coupling/python/README.md"
-#: Folders of the repository with pages in them or cited by them.
-FOLDERS = ("cases", "coupling", "dem", "fluid", "tests")
 
 
 def blocks(page: str) -> list[str]:
@@ -44,25 +42,3 @@ def test_the_script_of_a_page_drives_a_scene(monkeypatch):
     assert bed.time == pytest.approx(0.01)
     assert np.shape(names["velocity"]) == (len(bed.grains["velocity"]), 2)
     assert np.all(np.isfinite(names["pressure"]))
-
-
-def cited(page, text: str) -> list[str]:
-    """Links and pictures of a page that are files, and paths in its code spans, that are not there."""
-    text = re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)
-    links = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text) + re.findall(r'src="([^"]+)"', text)
-    gone = [link for link in links if "://" not in link and not (page.parent / link).exists()]
-    words = (word.strip(",.;:") for span in re.findall(r"`([^`\n]+)`", text) for word in span.split())
-    paths = [word for word in words if re.fullmatch(r"(?:%s)/[\w./-]+" % "|".join(FOLDERS), word)]
-    return gone + [path for path in paths if not (ROOT / path).exists()]
-
-
-def test_the_files_that_pages_cite_are_there():
-    pages = [ROOT / "README.md", *(page for folder in FOLDERS for page in (ROOT / folder).rglob("*.md"))]
-    assert len(pages) > 20
-    gone = {str(page.relative_to(ROOT)): cited(page, page.read_text(encoding="utf-8")) for page in pages}
-    assert not any(gone.values()), {page: paths for page, paths in gone.items() if paths}
-
-
-def test_a_file_that_is_not_there_is_found():
-    text = "[a](no.md) [b](README.md#x) `tests/verification/bed.rs` `cargo run tests/run` ![c](lost.png)"
-    assert cited(ROOT / "README.md", text) == ["no.md", "lost.png", "tests/verification/bed.rs"]
