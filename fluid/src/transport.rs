@@ -58,15 +58,14 @@ pub enum Form {
     /// The consistent Galerkin terms with streamline diffusion, as in the paper. Order 2.
     #[default]
     Consistent,
-    /// Storage and exchange are lumped in the Galerkin equations: storage and thin cell by the vertex rule, the points
-    /// by the sums of the rows. Where the exchange over a cell outweighs its diffusion, the consistent terms couple
-    /// neighbours with the wrong sign, and the scalar leaves the bounds that walls, grains and inflow set; the lumped
-    /// ones cannot do that. Both give the points the same, exchange it without loss, and are of order 2.
+    /// The terms of storage and of the exchange with grains and thin cell are lumped on the diagonal. Where the
+    /// exchange is stronger than the diffusion over a cell, the consistent form can leave the range of the values of
+    /// walls, grains and inflow; the lumped exchange cannot. Conservative, and of order 2, as the consistent form.
     Lumped,
-    /// Lumped, and no value leaves the range of those around it, before and beside: fronts then stay within their
-    /// bounds, which streamline diffusion does not ensure. Instead of it the matrix gets the least symmetric diffusion
-    /// between neighbours that leaves no positive entry beside the diagonal ([`crate::assembly::System::upwind`]).
-    /// Nothing is lost on the way; of order 1 where convection outweighs diffusion along edges, else of order 2.
+    /// Lumped, and with the least symmetric diffusion between neighbouring nodes that leaves no positive entry beside
+    /// the diagonal of the matrix, in place of streamline diffusion. No value then leaves the range of its neighbours
+    /// and of its own last value, so that fronts do not overshoot. Of order 1 where convection outweighs diffusion
+    /// along the edges, otherwise of order 2.
     Monotone,
 }
 

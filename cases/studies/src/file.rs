@@ -40,7 +40,7 @@ pub struct Study {
     /// How often each run is repeated; times are medians. At least 1. Default 1.
     #[serde(default = "once")]
     pub repeats: usize,
-    /// The error that the cheapest settings are looked for, as a share. Above 0. Default 0.01.
+    /// The error, as a share, for which the cheapest settings are sought. Above 0. Default 0.01.
     #[serde(default = "one_percent")]
     pub target: f64,
     /// What `--quick` changes. Default: the defaults of its keys.
@@ -89,14 +89,14 @@ pub enum Reference {
 pub struct Quantity {
     /// Name in tables and plots.
     pub name: String,
-    /// What it is: `{series = "COLUMN"}` of series.csv; `{summary = "KEY"}` of summary.json; `{grain = {number = 0,
+    /// Which value it is: `{series = "COLUMN"}` of series.csv; `{summary = "KEY"}` of summary.json; `{grain = {number = 0,
     /// column = "velocity", axis = 1}}`; `{field = "temperature"}`, nodal, at the end, in L2; or, of a problem, `{error
     /// = "NAME"}`.
     pub of: Of,
     /// Times at which it is looked at, s; between steps it is interpolated. Default: the end of the run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub at: Vec<f64>,
-    /// Known values, one per time; they go before the reference of the study. Default: none.
+    /// Known values, one per time, used instead of the reference of the study. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exact: Option<Vec<f64>>,
     /// What the error is divided by, in the unit of the quantity. Above 0. Default: the size of the reference (root

@@ -24,11 +24,11 @@ use voidage_verification::models::SlipBox;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ProblemName {
-    /// [`Manufactured`].
+    /// Steady flow with heat through a field of voidage that stands still, with a known solution.
     Manufactured,
-    /// [`Slip`].
+    /// Slip between uniform grains and fluid in a closed box.
     SlipBox,
-    /// [`Stack`].
+    /// Contact forces in a stack of discs at rest.
     Stack,
 }
 

@@ -13,7 +13,7 @@ pub struct Backend {
     /// `"scikit-fem"` or `{python = "MODULE"}`; or one that is started by hand, `{attach = "ADDRESS"}`. Default
     /// `"rust"`.
     pub solver: Solver,
-    /// How frames reach a process that is started here. Default `"shm"`.
+    /// How data go to and from a process that the run starts. Default `"shm"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transport: Option<Transport>,
     /// Longest time without a sign of life from the process, s. Above 0. Default 60.
@@ -25,7 +25,7 @@ pub struct Backend {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solver {
-    /// The Rust solver in this process.
+    /// The Rust solver in the process of the grains.
     #[default]
     Rust,
     /// The Rust solver in a process of its own.
@@ -34,7 +34,7 @@ pub enum Solver {
     Fenicsx,
     /// scikit-fem.
     ScikitFem,
-    /// A Python module with a solver of one's own.
+    /// A Python module or file with a solver of your own.
     Python(String),
     /// A solver that is started by hand: `shm:NAME` or `tcp:HOST:PORT`.
     Attach(String),

@@ -21,31 +21,31 @@ pub struct Droplet {
     /// Heat of vaporisation, J/kg. Above 0. Default 2.257e6: water at 100 C.
     #[serde(default = "latent")]
     pub latent_heat: f64,
-    /// What it consists of. Default: water at 100 C.
+    /// The liquid. Default: water at 100 C.
     #[serde(default)]
     pub liquid: Liquid,
     /// Velocity at the start, m/s. Default: at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<Coordinates>,
-    /// Whether it keeps this velocity whatever acts on it. Default false.
+    /// Whether it keeps this velocity, whatever forces act on it. Default false.
     #[serde(default)]
     pub held: bool,
-    /// Values of other scalars of the fluid at its surface: `{vapour = 1.0}`. Default: they do not pass it.
+    /// Values of other scalars of the fluid at its surface: `{vapour = 1.0}`. Default: scalars do not pass the surface.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub scalars: BTreeMap<String, f64>,
-    /// Heat of the gas that boils it: what the gas loses, or the gradient at its surface. Default "reaction".
+    /// How the heat that the gas gives to the droplet is computed. Default "reaction".
     #[serde(default)]
     pub heat_flux: HeatFlux,
-    /// What the velocity of its vapour is that Eq. 15 of the paper gives. Default "superficial".
+    /// Which velocity of the vapour Eq. 15 of the paper gives. Default "superficial".
     #[serde(default)]
     pub blowing: Blowing,
-    /// How much of it a grain in it takes. Default "solid".
+    /// Which volume of the droplet a grain in it takes up. Default "solid".
     #[serde(default)]
     pub grain_share: GrainShare,
-    /// Pressure gradient in it. Default "surface".
+    /// The pressure gradient in the droplet. Default "surface".
     #[serde(default)]
     pub buoyancy: Buoyancy,
-    /// Laws of drag and heat transfer in it. Default: the defaults of its keys.
+    /// Laws of drag and heat transfer in the droplet. Default: the defaults of its keys.
     #[serde(default)]
     pub inside: Inside,
     /// When the domain around it is remeshed. Default: the defaults of its keys.

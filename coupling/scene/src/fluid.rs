@@ -24,11 +24,12 @@ pub struct Fluid {
     /// Velocity at the start, m/s. Default: at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub initial_velocity: Option<Coordinates>,
-    /// Acceleration of the fluid beside `gravity`, m/s2: what drives a flow between periodic sides. It acts on the fluid alone;
-    /// grains feel it by drag, and by the gradient of the pressure that balances it. Default: none.
+    /// Acceleration of the fluid in addition to `gravity`, m/s2, which drives a flow between periodic sides. It acts on
+    /// the fluid alone: grains feel it through drag and through the pressure gradient that balances it. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body_force: Option<Coordinates>,
-    /// Time over which prescribed velocities grow linearly from 0, s. Default 0: they are there from the start.
+    /// Time over which prescribed velocities grow linearly from 0, s. Default 0: they have their full value at the
+    /// start.
     #[serde(default)]
     pub ramp: f64,
     /// Where the mesh comes from: `{rectangle = {..}}` or `{file = "name.msh"}`.
@@ -45,7 +46,8 @@ pub struct Fluid {
     /// Drag and heat of the front and rear walls of a thin cell (plane only). Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thin_cell: Option<ThinCell>,
-    /// Conditions by name of boundary; where two meet the later one wins. Every boundary of the mesh needs one.
+    /// Conditions, by the names of the boundaries. Where two boundaries meet, the later one in this list applies. Every
+    /// boundary of the mesh needs one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub boundaries: Vec<Boundary>,
     /// How the equations are solved. Default: the defaults of its keys.
@@ -60,26 +62,26 @@ pub struct Fluid {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MeshSource {
-    /// A rectangle, meshed here.
+    /// A rectangle, of which the program makes the mesh.
     Rectangle(Rectangle),
     /// A Gmsh .msh file (format 4.1) with physical names, path relative to the scene.
     File(PathBuf),
 }
 
-/// A mesh that oscillates: each node by its weight times `amplitude sin(2 pi frequency t)`. The weight is 1 on the
-/// boundary that moves, 0 on the others, smooth between. Walls without slip take the fluid along with their nodes,
-/// walls with slip push it; walls that the grains meet (`[[walls]]`) move by laws of their own.
+/// A mesh that oscillates: each node is displaced by its weight times `amplitude sin(2 pi frequency t)`. The weight is
+/// 1 on the boundary that moves, 0 on the others, and smooth between them. A moving no-slip wall takes the fluid along,
+/// a moving slip wall pushes it. The walls that the grains meet (`[[walls]]`) have a motion of their own.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshMotion {
-    /// Largest displacement, m. Without `remesh` no cell may turn over on the way.
+    /// Largest displacement, m. Without `remesh` no cell may be inverted on the way.
     pub amplitude: Coordinates,
     /// Frequency, 1/s. Above 0.
     pub frequency: f64,
-    /// Name of the part of the boundary that moves. Default: none, the nodes inside the mesh move alone.
+    /// Name of the part of the boundary that moves. Default: none; only the nodes inside the mesh move.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boundary: Option<String>,
-    /// When the domain is remeshed within its boundary. Default: never.
+    /// When the domain is remeshed, with the same boundary. Default: never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remesh: Option<Remesh>,
 }
@@ -106,7 +108,7 @@ pub struct FluidHeat {
     pub form: Form,
 }
 
-/// A scalar s that the fluid carries and spreads, eps Ds/Dt = div(eps diffusivity grad s).
+/// A scalar s that is convected and diffuses in the fluid: eps Ds/Dt = div(eps diffusivity grad s).
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FluidScalar {
@@ -181,7 +183,7 @@ pub enum Flow {
     /// Prescribed velocity times voidage, m/s.
     #[serde(rename = "superficial_velocity")]
     SuperficialVelocity(Coordinates),
-    /// The fluid stands at the wall.
+    /// The fluid has the velocity of the wall.
     NoSlip,
     /// The fluid slides along the wall.
     Slip,
@@ -245,8 +247,8 @@ pub enum ScalarBoundary {
 pub struct FluidSolver {
     /// Linear solver. Default `"auto"`: the fastest for the dimension.
     pub linear: LinearMethod,
-    /// Relative residual of the linear systems. Above 0, at most 1e-2: with more, fields of the wrong size count as
-    /// solved. Default 1e-8.
+    /// Relative residual of the linear systems. Above 0 and at most 1e-2, because with more, wrong fields would count
+    /// as solved. Default 1e-8.
     pub tolerance: f64,
     /// Newton iterations per time step. Default 1.
     pub newton: usize,
@@ -264,10 +266,11 @@ impl Default for FluidSolver {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearMethod {
-    /// The fastest for the dimension: in the plane factors that are kept over the steps, refined.
+    /// The fastest for the dimension: in the plane a factorisation that is kept over several steps, with iterative
+    /// refinement.
     #[serde(alias = "kept")]
     Auto,
-    /// A new factorisation in every step: the safe mode.
+    /// A new factorisation in every step, which is the safe choice.
     Direct,
     /// GMRES with an incomplete factorisation as preconditioner.
     Ilu,
@@ -277,30 +280,29 @@ pub enum LinearMethod {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Coupling {
-    /// Coupling scheme: `"iterated"` (fluid and grains in turn until they agree), `"anchored"` (the same, once),
-    /// `"henry"` (predicted velocity with the last contact force), `"henry-free"` (without it), `"lagged"` or
-    /// `"explicit"`. Default `"iterated"`.
+    /// Coupling scheme: `"iterated"`, `"anchored"`, `"henry"`, `"henry-free"`, `"lagged"` or `"explicit"`. Default
+    /// `"iterated"`.
     pub scheme: SchemeName,
-    /// When and how the scheme `"iterated"` goes on. Default: the defaults of its keys.
+    /// Tolerance and relaxation of the scheme `"iterated"`. Default: the defaults of its keys.
     pub iteration: Iteration,
     /// Steps in parts: a step in which a grain moves further than `travel`, or in which the scheme `"iterated"` does
-    /// not reach its tolerance, is done in halves, quarters and so on down to 1/64. `{}` takes the default of `travel`.
-    /// Default: steps are whole.
+    /// not reach its tolerance, is done in halves, quarters and so on, down to parts of 1/64. `{}` means the defaults
+    /// of its keys. Default: steps are not divided.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cut: Option<Cutting>,
-    /// Drag law; `voidage closures` draws them. All but `"dallavalle"` take neighbours into account by themselves,
-    /// without `voidage_function`. Default `"dallavalle"`.
+    /// Drag law; `voidage closures` draws them. All but `"dallavalle"` contain the effect of neighbouring grains and do
+    /// not use `voidage_function`. Default `"dallavalle"`.
     pub drag: Drag,
-    /// Voidage function of the drag `"dallavalle"` and the heat `"henry"`: `"henry"`, `"henry-interstitial"`,
-    /// `"di-felice"`, `"migflow"` or `"none"`. Default `"henry"`.
+    /// Voidage function of the drag law `"dallavalle"` and of the heat-transfer law `"henry"`: `"henry"`,
+    /// `"henry-interstitial"`, `"di-felice"`, `"migflow"` or `"none"`. Default `"henry"`.
     pub voidage_function: VoidageFunction,
-    /// Law of the heat that grains and fluid exchange: `"henry"` (times the voidage function), `"gunn"`,
+    /// Law of heat transfer between grains and fluid: `"henry"` (times the voidage function), `"gunn"`,
     /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatTransfer>,
-    /// Values of scalars of the fluid, by name, below which contacts stick (`contacts.cohesion`): `{vapour = 0.9}`.
-    /// What counts is the mean over a grain at the start of the step, and a contact sticks if both its grains may.
-    /// Default: none, contacts stick everywhere.
+    /// Values of scalars of the fluid, by name, below which contacts are cohesive (`contacts.cohesion`): `{vapour =
+    /// 0.9}`. The value is the mean over a grain at the start of the step, and it must be below the bound for both grains
+    /// of a contact. Default: none, cohesion acts everywhere.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub cohesion_below: BTreeMap<String, f64>,
 }

@@ -12,27 +12,28 @@ use voidage_dem::{Cohesion, Conduction, Settings};
 pub struct Material {
     /// Density of the solid, kg/m3. Above 0.
     pub density: f64,
-    /// Coulomb friction coefficient between grains; two materials meet with the smaller one. Default 0.
+    /// Coulomb friction coefficient between grains. A contact of two materials has the smaller of the two. Default 0.
     #[serde(default)]
     pub friction: f64,
-    /// Coefficient of resistance to rolling between grains, 0 to 1: a contact resists the relative spin of its two
-    /// grains by a moment of up to this times R p, p being the normal force and R = r1 r2 / (r1 + r2), at a wall r.
-    /// Two materials meet with the smaller one. Grains must spin. Default 0.
+    /// Coefficient of resistance to rolling between grains, 0 to 1: a contact resists the relative rotation of its two
+    /// grains by a moment of at most this coefficient times R p, where p is the normal force and R = r1 r2 / (r1 + r2);
+    /// at a wall R is the radius of the grain. A contact of two materials has the smaller of the two. Needs
+    /// `contacts.rotation = true`. Default 0.
     #[serde(default)]
     pub rolling: f64,
-    /// Coefficient of normal restitution, 0 to 1; two materials meet with the smaller one. Default 0.
+    /// Coefficient of normal restitution, 0 to 1. A contact of two materials has the smaller of the two. Default 0.
     #[serde(default)]
     pub restitution: f64,
-    /// Young's modulus, Pa; asked for by every law of contact conduction.
+    /// Young's modulus, Pa. Needed with `contacts.conduction`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub young: Option<f64>,
-    /// Poisson's ratio, -1 to 0.5; asked for by every law of contact conduction.
+    /// Poisson's ratio, -1 to 0.5. Needed with `contacts.conduction`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub poisson: Option<f64>,
-    /// Thermal conductivity, W/(m K); asked for by every law of contact conduction.
+    /// Thermal conductivity, W/(m K). Needed with `contacts.conduction`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub conductivity: Option<f64>,
-    /// Heat capacity, J/(kg K); asked for when the grains have a temperature.
+    /// Heat capacity, J/(kg K). Needed where the grains have a temperature.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heat_capacity: Option<f64>,
 }
@@ -44,29 +45,28 @@ pub struct Grains {
     /// Name of one of the materials.
     pub material: String,
     /// Radius, m: `{constant = r}`, in short `r`, `{uniform = [smallest, largest]}`, or a law of sizes by number or by
-    /// mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not with a CSV file or a state, which
-    /// have their own.
+    /// mass: `{log-normal = {..}}`, `{rosin-rammler = {..}}`, `{sieve = {..}}`. Not allowed with a CSV file or a state,
+    /// which contain the radii.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<Radius>,
-    /// Share of the disc that is solid, above 0 up to 1: in a fluid 0.8165 makes the densest bed of discs as dense as
-    /// one of spheres. Default 1.
+    /// Share of the disc that is solid, above 0 and at most 1. With 0.8165 the densest packing of discs has the solid
+    /// fraction of the densest packing of spheres. Default 1.
     #[serde(default = "one")]
     pub solidity: f64,
-    /// How many: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`; of a source how many in
-    /// all.
-    /// Default `"fill"`, of a source without end.
+    /// How many grains: `{count = n}`, `{mass = m}` (kg; kg per m of depth in the plane) or `"fill"`. For a source, how
+    /// many it lets in altogether. Default `"fill"`; for a source, no limit.
     #[serde(default)]
     pub amount: Amount,
-    /// Where they start.
+    /// Where the grains start.
     pub placement: Placement,
-    /// Velocity at the start, or of grains that a source lets in, m/s. Default: at rest.
+    /// Velocity at the start, m/s; for a source, that of the grains which it lets in. Default: at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<Coordinates>,
-    /// Temperature at the start, or of grains that a source lets in, K. Default: grains have no temperature; all groups
-    /// have one or none has.
+    /// Temperature at the start, K; for a source, that of the grains which it lets in. Either all groups have a
+    /// temperature or none. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
-    /// Held in place: the grains never move. Default false.
+    /// Whether the grains are held in place and never move. Default false.
     #[serde(default)]
     pub fixed: bool,
 }
@@ -81,13 +81,13 @@ fn one() -> f64 {
 pub enum Radius {
     /// All grains have this radius, m.
     Constant(f64),
-    /// Radii uniformly distributed between these two, m: so is their number, whatever their mass.
+    /// Radii between these two, m, uniformly distributed by number.
     Uniform([f64; 2]),
     /// The logarithm of the radius is normally distributed.
     LogNormal(LogNormal),
-    /// The law of Rosin and Rammler for what was ground.
+    /// The law of Rosin and Rammler, for ground material.
     RosinRammler(RosinRammler),
-    /// What sieves let pass.
+    /// A sieve analysis: which share of the grains passes each sieve.
     Sieve(Sieve),
 }
 
@@ -105,7 +105,7 @@ pub enum By {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LogNormal {
-    /// Radius that half are below, m.
+    /// Median radius, m: half of the grains, by number or by mass, are smaller.
     pub median: f64,
     /// Standard deviation of ln(radius). Above 0.
     pub deviation: f64,
@@ -121,9 +121,9 @@ pub struct LogNormal {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RosinRammler {
-    /// Radius that 63.2 % are below, m.
+    /// Radius, m, below which 63.2 % of the grains are, by number or by mass.
     pub scale: f64,
-    /// Exponent: the larger, the narrower. Above 0.
+    /// Exponent; the larger it is, the narrower is the distribution. Above 0.
     pub spread: f64,
     /// Radius below which there are none, m. Above 0.
     pub smallest: f64,
@@ -170,11 +170,12 @@ impl Radius {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Amount {
-    /// As many as come nearest to this mass, kg (kg per m of depth in the plane); at least half of that of one grain.
+    /// As many grains as come nearest to this mass, kg (kg per m of depth in the plane). At least half the mass of one
+    /// grain.
     Mass(f64),
-    /// This many.
+    /// This number of grains.
     Count(usize),
-    /// As many as the place holds: a box up to its top, all points of a lattice, all rows of a file.
+    /// As many as there is room for: up to the top of a box, all points of a lattice, all rows of a file.
     #[default]
     Fill,
 }
@@ -191,17 +192,17 @@ pub enum Placement {
     Random(RandomBox),
     /// Read from a file.
     Csv(GrainsFile),
-    /// Poured together with the grains of an earlier group, mixed at random: the number of that group, counted from
-    /// 0. Both say by count or mass how many they are.
+    /// Poured together with an earlier group and mixed with it at random: the number of that group, counted from 0.
+    /// Both groups need an `amount` by count or by mass.
     With(usize),
-    /// As another run left them: places, radii, velocities, spins, temperatures and contacts.
+    /// As another run left them, with their places, radii, velocities, spins, temperatures and contacts.
     State(StateFile),
-    /// Let in while the run goes on, at random places of a box where they overlap neither grains nor walls. A grain
-    /// that finds no place waits, and the run says so.
+    /// Added during the run, at random places of a box where they overlap neither grains nor walls. A grain for which
+    /// there is no free place waits, and the run reports it.
     Source(GrainSource),
 }
 
-/// The grains of a checkpoint of another run, as the start of this one.
+/// Grains that start as they are in the checkpoint of another run.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StateFile {
@@ -211,12 +212,13 @@ pub struct StateFile {
     /// Number of the group of that run, counted from 0. Default: all its grains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<u8>,
-    /// Whether the grains begin at rest. Default false: with the velocities and spins that they had.
+    /// Whether the grains start at rest. Default false: they keep their velocities and spins.
     #[serde(default)]
     pub still: bool,
 }
 
-/// A box in which grains appear while the run goes on. A fluid in it is told of the volume that they take.
+/// A box in which grains are added during the run. Where there is a fluid, its equation of mass contains the volume
+/// that they take up.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GrainSource {
@@ -226,7 +228,7 @@ pub struct GrainSource {
     pub lower: Coordinates,
     /// Upper corner of the box that holds the whole grains, m.
     pub upper: Coordinates,
-    /// How much comes in by time: `{grains = n}` (1/s) or `{mass = m}` (kg/s; kg/s per m of depth in the plane).
+    /// Rate at which grains are added: `{grains = n}` (1/s) or `{mass = m}` (kg/s; kg/s per m of depth in the plane).
     pub rate: Rate,
     /// Time at which it begins, s. Default 0.
     #[serde(default)]
@@ -249,14 +251,14 @@ pub enum Rate {
     Mass(f64),
 }
 
-/// Takes grains out of the run: those whose centres cross a line, or are in a box at the end of a step. A fluid there
-/// is told of the volume that it gets back.
+/// A line or a box that removes grains from the run: those whose centres cross the line, or lie in the box at the end
+/// of a step. Where there is a fluid, its equation of mass contains the volume that becomes free.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sink {
     /// Name, for messages and for the columns of series.csv.
     pub name: String,
-    /// First end of the line, m. With `to`, or `lower` and `upper` instead of both.
+    /// First end of the line, m. A sink has either `from` and `to`, or `lower` and `upper`.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub from: Coordinates,
     /// Second end of the line, m.
@@ -276,29 +278,27 @@ pub struct Sink {
     pub end: Option<f64>,
 }
 
-/// A box into which grains are poured from above, on its floor, between its sides and on the walls in it (as they stand
-/// at time 0).
+/// A box into which grains are poured from above. Its floor and sides hold them, and so do the walls inside it, at
+/// their places at time 0.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deposit {
     /// Lower corner of the box, m.
     pub lower: Coordinates,
-    /// Upper corner of the box, m. Grains are let go below its top.
+    /// Upper corner of the box, m. Grains are released below its top.
     pub upper: Coordinates,
     /// Seed of the random numbers. Default 1.
     #[serde(default = "first_seed")]
     pub seed: u64,
-    /// How the bed is built: `"drop-and-roll"`, each grain let go at a random place, falling and rolling to where it is
-    /// held; or `"dense"`, above the lowest place, and of eight grains the one that fits there best. Default
-    /// `"drop-and-roll"`.
+    /// How the bed is built, grain by grain: `"drop-and-roll"` or `"dense"`. Default `"drop-and-roll"`.
     #[serde(default)]
     pub method: Method,
-    /// Coulomb friction coefficient while the bed settles, between grains and at walls: 0 gives the densest bed.
-    /// Default: that of the materials and walls.
+    /// Coulomb friction coefficient between grains and at walls while the bed settles; 0 gives the densest bed.
+    /// Default: the coefficients of the materials and walls.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
-    /// Whether contacts bring the bed to rest before time 0; else it starts as it was built, and may settle then.
-    /// Default true.
+    /// Whether the bed comes to rest by its contacts before time 0. If not, it starts as it was built and may still
+    /// settle during the run. Default true.
     #[serde(default = "yes")]
     pub settle: bool,
 }
@@ -307,10 +307,10 @@ pub struct Deposit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Each grain is let go at a random place.
+    /// Each grain is released at a random place, falls, and rolls until it is held.
     #[default]
     DropAndRoll,
-    /// Each grain is let go above the lowest place, and of eight grains the one that fits there best.
+    /// The lowest free place is filled next, with the one of eight grains that fits there best.
     Dense,
 }
 
@@ -370,7 +370,7 @@ pub struct RandomBox {
 #[serde(deny_unknown_fields)]
 pub struct GrainsFile {
     /// CSV file with a header, path relative to the scene: columns `x,y` and `r` (m), and optionally `vx,vy` (m/s) and
-    /// `T` (K), which go before the values of the group.
+    /// `T` (K), which are then used instead of the values of the group.
     pub file: PathBuf,
 }
 
@@ -380,18 +380,18 @@ pub struct GrainsFile {
 pub struct Wall {
     /// Name, for messages and records.
     pub name: String,
-    /// First end, m. With `to`, or `along` instead of both.
+    /// First end, m. A wall has either `from` and `to`, or `along`.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub from: Coordinates,
     /// Second end, m.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub to: Coordinates,
-    /// Name of a part of the boundary of the mesh that the wall follows, where the mesh is at the start, as straight
-    /// walls. Default: none, `from` and `to` say where it is.
+    /// Name of a part of the boundary of the mesh: straight walls along this part, where it is at the start. Default:
+    /// none, the ends are `from` and `to`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub along: Option<String>,
-    /// Name of one of the materials: friction, rolling, restitution and conductivity. Default: none, a perfect
-    /// conductor of heat.
+    /// Name of one of the materials, from which the wall has friction, resistance to rolling, restitution and
+    /// conductivity. Default: none; the wall then conducts heat perfectly.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
     /// Coulomb friction coefficient between the wall and grains. Default: that of the material, or 0 without one.
@@ -407,10 +407,10 @@ pub struct Wall {
     /// Temperature, K. Default: none, no heat passes between the wall and grains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
-    /// Time at which it vanishes, s: a gate that is gone at once. Default: never.
+    /// Time at which the wall vanishes, s, such as a gate that is taken away. Default: never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<f64>,
-    /// How it moves. Default: not at all.
+    /// How the wall moves. Default: it stands still.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
 }
@@ -421,28 +421,29 @@ pub struct Wall {
 pub enum Motion {
     /// Constant velocity, m/s.
     Velocity(Coordinates),
-    /// To and fro along a line.
+    /// Oscillation along a line.
     Oscillate(Oscillation),
-    /// Round a point.
+    /// Rotation about a point.
     Rotate(Rotation),
-    /// By a table, linear between its rows; at rest before the first and after the last.
+    /// A table of times and places, linear between its rows. The wall is at rest before the first row and after the
+    /// last.
     Table(MotionTable),
 }
 
-/// A motion by a table: a turn about a centre that is carried along.
+/// A motion by a table: a translation, and a rotation about a centre that moves with the wall.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MotionTable {
-    /// Rows `[t, x, y, angle]`: time, s, which increases; the way of the centre from where it is given, m; the angle,
-    /// rad, anticlockwise. With a file, the rows are read from it.
+    /// Rows `[t, x, y, angle]`: the time, s, which increases; the displacement of the centre, m; the angle, rad,
+    /// anticlockwise. Given here or in a file.
     #[serde(default)]
     pub rows: Vec<[f64; 4]>,
     /// CSV file with a header and the columns `t,x,y,angle`, path relative to the scene, instead of `rows`. Default:
     /// none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// Centre of the turn where the wall is given, m; about it the torque in series.csv is. Default: the middle of
-    /// the wall.
+    /// Centre of the rotation before the wall moves, m. The torque in series.csv is about this centre. Default: the
+    /// middle of the wall.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub centre: Coordinates,
 }
@@ -460,11 +461,11 @@ pub struct Oscillation {
     pub phase: f64,
 }
 
-/// A rotation round a point.
+/// A rotation about a point.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rotation {
-    /// The point that stays, m.
+    /// The centre of the rotation, m.
     pub centre: Coordinates,
     /// Angular velocity, rad/s, positive anticlockwise.
     pub rate: f64,
@@ -474,27 +475,30 @@ pub struct Rotation {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Contacts {
-    /// Energy that the error of the velocities may have, as a share of the energy of what a sub-step changes of them.
-    /// At rest, where little changes, it is a share of 0.5 % of the energy that the forces of a step bring. A grain
-    /// whose contacts take all that forces bring but a hundredth of that energy rests: it stays where it is. Above 0,
-    /// at most 0.1: with more, unsolved contacts would count as solved. Default 0.02, with which a grain rests at 1e-3
-    /// of the speed that forces give in a step.
+    /// How large the error of a sub-step may be: the kinetic energy of the error of the velocities, as a share of the
+    /// kinetic energy of the changes that the sub-step makes to them. In a bed at rest, where velocities hardly change,
+    /// it is a share of 0.5 % of the energy that the forces would give the grains in the step. It also decides when a
+    /// grain counts as resting and stays where it is: with the default, below 1e-3 of the speed that the forces would
+    /// give it in a step. Above 0 and at most 0.1, because with more, unsolved contacts would count as solved. Default
+    /// 0.02.
     pub tolerance: f64,
-    /// Most sweeps of a step; a step that reaches it is counted as not converged. Default 1000.
+    /// Largest number of sweeps of the contact solver in a sub-step. A step in which they are not enough is counted as
+    /// not converged. Default 1000.
     pub max_sweeps: usize,
-    /// Whether contacts that these sweeps leave closing go to an interior-point method: for grains whose masses lie far apart and
-    /// for friction above one, up to 10,000 grains. Not with resistance to rolling. Default false.
+    /// Whether contacts that the sweeps leave unsolved are solved by an interior-point method. It is for grains whose
+    /// masses lie far apart and for friction above one, up to 10,000 grains, and is not allowed with resistance to
+    /// rolling. Default false.
     pub interior: bool,
     /// Share of its radius that a grain may cross in one sub-step. Default 0.5.
     pub max_travel: f64,
-    /// Most sub-steps of a step: what is left then is gone in the last. Who flies far in it may pass into others, so
-    /// that the step counts as not converged. Default 1000.
+    /// Largest number of sub-steps in a step. Where more would be needed, the last sub-step takes the rest of the step;
+    /// grains that fly far in it may pass into others, and the step then counts as not converged. Default 1000.
     pub max_substeps: usize,
-    /// Overlap of two grains, or of a grain and a wall, that ends the run, as a share of the radius of the smaller
-    /// grain. From 0.05 to 1, where the centre of a grain is on the wall. A run says at which step the overlap first
-    /// exceeds 0.05. Default 0.5.
+    /// Overlap of two grains, or of a grain and a wall, at which the run fails, as a share of the radius of the smaller
+    /// grain. From 0.05 to 1; at 1 the centre of a grain is on the wall. A run reports the step in which the overlap
+    /// first exceeds 0.05. Default 0.5.
     pub max_penetration: f64,
-    /// Whether grains spin. Default true.
+    /// Whether grains rotate. Default true.
     pub rotation: bool,
     /// Law of heat conduction through contacts: `"henry"`, `"henry-printed"`, `"line"` (plane) or `"hertz"` (space).
     /// Default: contacts conduct no heat.
@@ -503,7 +507,7 @@ pub struct Contacts {
     /// Cohesion of grains that touch. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cohesion: Option<Cohesion>,
-    /// Coefficients of pairs of materials, in place of the smaller ones of both. Default: none.
+    /// Coefficients of pairs of materials, used instead of the smaller one of both. Default: none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pairs: Vec<Pair>,
 }
@@ -512,8 +516,8 @@ pub struct Contacts {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pair {
-    /// Names of the two materials, of grains or walls; the same twice for grains of one material among themselves.
-    /// What a wall says itself of its friction, rolling or restitution goes before.
+    /// Names of the two materials, of grains or walls; the same name twice for grains of one material among themselves.
+    /// Where a wall has its own `friction`, `rolling` or `restitution`, that of the wall is used.
     pub materials: [String; 2],
     /// Coulomb friction coefficient. Default: the smaller one of the two, and at a wall that of the wall.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -67,7 +67,7 @@ pub struct Scene {
     pub gravity: Coordinates,
     /// Step and end of the run.
     pub time: Time,
-    /// Sides that are one: what leaves at one of them comes in at the other. Default: none.
+    /// Periodic sides: what leaves the domain at one side comes in at the opposite one. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub periodic: Option<Periodic>,
     /// What ends the run before `time.end`. Default: nothing.
@@ -80,7 +80,8 @@ pub struct Scene {
     /// built.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grains: Vec<Grains>,
-    /// Where grains leave the run; they do so through open boundaries of the fluid too. Default: nowhere else.
+    /// Lines and boxes that remove grains. Grains that pass an open boundary of the fluid are removed anyway. Default:
+    /// none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sinks: Vec<Sink>,
     /// Walls that the grains meet (the fluid has its own boundaries). Default: none.
@@ -130,14 +131,15 @@ impl Coordinates {
     }
 }
 
-/// Keys that change at a time: as if the run were stopped then, and went on with these changes.
+/// Keys that change at a time, as if the run were stopped at that time and restarted with these changes.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Event {
-    /// When, s; the step that starts then or next is the first with the changes. Above 0; times of events increase.
+    /// The time, s. The first step that starts at this time or later has the changes. Above 0, and later than the event
+    /// before.
     pub time: f64,
     /// Changes `"KEY=VALUE"`, written as for `voidage run --set`: friction, rolling, restitution, cohesion, sources
-    /// and sinks, schemes, laws of the exchange, conditions at boundaries of the fluid.
+    /// and sinks, schemes, laws of drag and heat transfer, conditions at boundaries of the fluid.
     pub set: Vec<String>,
 }
 

@@ -7,16 +7,16 @@ use voidage_coupling::error::Result;
 use voidage_dem::Period;
 use voidage_fluid::Mesh;
 
-/// Two opposite sides that are one. Grains that leave at one side come in at the other, and touch, warm and displace across
-/// them; the fluid has the same velocity, pressure and scalars at both. A mesh has such sides at its ends, straight, with nodes
-/// at the same heights, and they have no conditions.
+/// Periodic sides. Grains that leave at one side come in at the opposite one, and grains near one side touch and warm
+/// those near the other. The fluid has the same velocity, pressure and scalars at both. In a mesh these sides are
+/// straight, lie at its two ends, and have their nodes at the same heights; they need no boundary conditions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Periodic {
-    /// Places of the left and the right side, m. Default: not periodic along x.
+    /// The x of the left and of the right side, m. Default: not periodic along x.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub x: Option<[f64; 2]>,
-    /// Places of the lower and the upper side, m. Default: not periodic along y.
+    /// The y of the lower and of the upper side, m. Default: not periodic along y.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub y: Option<[f64; 2]>,
 }

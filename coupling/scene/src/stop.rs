@@ -8,13 +8,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Stop {
-    /// The grains are at rest. Default: not asked.
+    /// The run ends when the grains are at rest. Default: it does not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_rest: Option<AtRest>,
-    /// A column of `series.csv` reaches a value; asked at each row. Default: not asked.
+    /// The run ends when a column of `series.csv` has reached a value in one of its rows. Default: it does not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<Reached>,
-    /// Longest time that the run may take on the clock on the wall, s, from its own start. Above 0. Default: any.
+    /// Longest wall-clock time of the run, s, counted from the start of the program. Above 0. Default: no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wall_time: Option<f64>,
 }
@@ -25,11 +25,11 @@ pub struct Stop {
 pub struct AtRest {
     /// Bound of the speed of the fastest grain, m/s. Above 0.
     pub speed: f64,
-    /// How long no grain may be faster, s: a grain at the top of its flight is not at rest. Above 0.
+    /// How long no grain may be faster, s, because a grain at the top of its flight is not at rest. Above 0.
     pub during: f64,
 }
 
-/// A value of the time series; one of `above` and `below`.
+/// A value of the time series, with either `above` or `below`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Reached {

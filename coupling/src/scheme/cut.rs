@@ -14,16 +14,18 @@ use serde::{Deserialize, Serialize};
 use voidage_dem::Vector;
 use voidage_fluid::balance::Balance;
 
-/// When to do a step in parts.
+/// When a step is done in parts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cutting {
-    /// How far a grain may move in a part of a step, in its diameters: the fluid pushes it all the way as where it was
-    /// at the start. Above 0. Default 0.25.
+    /// How far a grain may move in a part of a step, in its diameters. On the whole way the fluid acts on it as at the
+    /// place where it was at the start of the part. Above 0. Default 0.25.
     pub travel: f64,
     /// With a droplet: how large dt |F| (dQ/dU) / (Q m) may become in a part of a step, where dQ/dU is the heat of the
     /// grains that a faster droplet would take in, Q what boils and F the force of the vapour on its mass m. Heat that
-    /// is taken in boils in the next step, and above some 3 the droplet bounces on its own vapour. Above 0. Default 1.
+    /// is taken in boils water in the next step, and above about 3 the droplet bounces on its own vapour. Above 0.
+    /// Default
+    /// 1.
     pub absorption: f64,
 }
 

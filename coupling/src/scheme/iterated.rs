@@ -18,17 +18,17 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use voidage_dem::Vector;
 
-/// When and how to iterate.
+/// Tolerance and relaxation of the scheme `iterated`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Iteration {
     /// Disagreement of grains and fluid at which a step counts as solved, as a share of the weight and the forces of
     /// all grains (of the range of temperatures, for heat). Above 0. Default 1e-2.
     pub tolerance: f64,
-    /// Solutions of the fluid per step at most. At least 1. Default 20.
+    /// Largest number of solutions of the fluid in a step. At least 1. Default 20.
     pub most: usize,
-    /// How the next forcing is made of the last ones: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default
-    /// `"iqn-ils"`.
+    /// How the next guess x of the forces and heats on the grains follows from the last one and from the residual r,
+    /// the answer of the fluid less the guess: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default `"iqn-ils"`.
     pub relaxation: Relaxation,
 }
 

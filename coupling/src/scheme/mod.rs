@@ -42,17 +42,17 @@ pub trait Scheme<const D: usize>: Send {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SchemeName {
-    /// Drag implicit in the fluid velocity only (A.16): [`explicit`].
+    /// The drag is implicit in the velocity of the fluid and takes the last velocities of the grains (A.16).
     Explicit,
-    /// Predicted velocity with the contact force of the last step, A.18 as printed: [`henry`].
+    /// The velocities of the grains are predicted with the contact forces of the last step (A.18 as printed).
     Henry,
-    /// Predicted velocity without contact forces: [`henry`].
+    /// The velocities of the grains are predicted without contact forces.
     HenryFree,
-    /// The same in momentum, the solid flux from the last velocities: [`lagged`].
+    /// As `henry-free` in the equation of momentum; the equation of mass takes the last velocities of the grains.
     Lagged,
-    /// Anchored at the response of the grains, one solution of the fluid per step: [`anchored`].
+    /// The grains are moved on trial first, contacts included, and the fluid is solved once with their response.
     Anchored,
-    /// The same, as many solutions as it takes: [`iterated`].
+    /// As `anchored`, repeated until fluid and grains agree.
     #[default]
     Iterated,
 }

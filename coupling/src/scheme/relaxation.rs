@@ -1,7 +1,8 @@
 //! How the next forcing is made of the last ones and of the answers of the fluid.
 //!
-//! With x the forcing that the law is anchored at, g(x) the answer of the fluid and r = g(x) - x, the solution has r = 0.
-//! Components are weighed by the mobility of the free grain, so that heavy and light grains, forces and heats count alike.
+//! With x the forcing that the law is anchored at, g(x) the answer of the fluid and r = g(x) - x, the solution has r =
+//! 0. Components are weighed by the mobility of the free grain, so that heavy and light grains, forces and heats count
+//! alike.
 
 use super::anchored::Forcing;
 use crate::Mixture;
@@ -13,9 +14,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Relaxation {
-    /// x + omega r with omega fixed, in ]0, 1]; 1 takes the answer as it is.
+    /// x + omega r with this fixed omega, above 0 and at most 1; with 1 the answer is the next guess.
     Constant(f64),
-    /// x + omega r with Aitken's omega, from the last two residuals.
+    /// x + omega r with Aitken's omega, which follows from the last two residuals.
     Aitken,
     /// Interface quasi-Newton with an inverse Jacobian from a least-squares model (Degroote, Bathe and Vierendeels
     /// 2009).
