@@ -18,7 +18,7 @@ const LEFT: [&str; 5] = [".git", "target", "out", ".venv", "__pycache__"];
 /// Ends by which a word in backticks on a page is a file, wherever it lies.
 const SOURCES: [&str; 4] = [".rs", ".py", ".toml", ".csv"];
 /// Files that programs write, and those of a user's that pages speak of.
-const WRITTEN: [&str; 11] = [
+const WRITTEN: [&str; 12] = [
     "series.csv",
     "stability.csv",
     "verification.csv",
@@ -29,6 +29,7 @@ const WRITTEN: [&str; 11] = [
     "packing-0.csv",
     "bed.toml",
     "mybed.toml",
+    "slump.toml",
     "stream.py",
 ];
 /// Pages that lie outside of this repository. In two parts, as this file is read too.
