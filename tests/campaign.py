@@ -489,7 +489,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     rows, wrong = campaign(given.program, given.count or given.share, given.seed)
-    print("| what happens, and what must follow | tried | as it must be |\n|---|---|---|")
+    print("| what happens, and what must follow | trials | passed |\n|---|---|---|")
     for what, tried, good in rows:
         print(f"| {what} | {tried} | {good} |")
     for line in wrong:
