@@ -11,17 +11,20 @@ pub fn page<T: JsonSchema>() -> String {
     let name = root.get("title").and_then(Value::as_str).unwrap_or("document").to_lowercase();
     let mut page = Page { root: &root, text: format!("# The keys of a {name}\n"), written: BTreeMap::new() };
     page.say(
-        "Every key with its meaning, unit and default, in the order of the file. What is marked as needed has to be \
-         there where its table is.",
+        "This page has every key with its meaning, unit and default, in the order of the file. A key that is marked as \
+         needed must be given wherever its table is.",
     );
     page.say(
-        "A heading is the table as TOML writes it: `[[grains]]` is one of a list of tables, `NAME` a name of your own. \
-         A table can also be written in one line, as `time = { step = 1e-3, end = 1.0 }`, or key by key, as \
-         `time.step = 1e-3`.",
+        "A heading is a table as TOML writes it: `[[grains]]` is one of a list of tables, and `NAME` stands for a name \
+         that you choose. A table can also be written in one line, as `time = { step = 1e-3, end = 1.0 }`, or key by \
+         key, as `time.step = 1e-3`.",
     );
     page.section(Section { path: String::new(), list: false, table: &root });
     page.text
 }
+
+/// Longest line of a paragraph, in characters.
+const WIDTH: usize = 120;
 
 /// A table of the document that gets a section.
 struct Section<'a> {
@@ -50,8 +53,17 @@ struct Page<'a> {
 }
 
 impl<'a> Page<'a> {
-    fn say(&mut self, line: &str) {
-        self.text.push_str(&format!("\n{line}\n"));
+    /// A paragraph, in lines of at most [`WIDTH`] characters.
+    fn say(&mut self, paragraph: &str) {
+        let mut length = 0;
+        for (k, word) in words(paragraph).into_iter().enumerate() {
+            let size = word.chars().count();
+            let fits = k > 0 && length + 1 + size <= WIDTH;
+            self.text.push(if fits { ' ' } else { '\n' });
+            self.text.push_str(word);
+            length = if fits { length + 1 + size } else { size };
+        }
+        self.text.push('\n');
     }
 
     fn row(&mut self, cells: [&str; 3]) {
@@ -232,6 +244,16 @@ fn description(node: &Value) -> String {
     let text = node.get("description").and_then(Value::as_str).unwrap_or_default();
     let words: Vec<&str> = text.split_whitespace().collect();
     words.join(" ").replace("[`", "`").replace("`]", "`")
+}
+
+/// The words of a text; what stands in backticks is one.
+fn words(text: &str) -> Vec<&str> {
+    let mut inside = false;
+    text.split(|c: char| {
+        inside ^= c == '`';
+        c == ' ' && !inside
+    })
+    .collect()
 }
 
 fn code(heading: &str) -> String {

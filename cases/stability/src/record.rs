@@ -7,7 +7,7 @@ use std::path::Path;
 use voidage_campaign::Effort;
 use voidage_campaign::table::Table;
 use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::{Error, Notice, Result};
+use voidage_coupling::Result;
 
 /// A point as it stands in the table.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -81,18 +81,15 @@ impl Record {
     /// # Errors
     /// Points there are of the other form or of another version, another process is at work there.
     pub fn open(folder: &Path, effort: Effort) -> Result<Self> {
-        let path = folder.join("stability.csv");
-        let (points, rows) = Table::open::<Row>(&path)?;
-        let (curves, places) = Table::open(&folder.join("curves.csv"))?;
-        if let Some(row) = rows.iter().find(|row| row.form != form(effort) || row.version != VERSION) {
-            let what = format!(
-                "{}: holds points of the {} form by version {}",
-                path.display(),
-                row.form,
-                row.version
-            );
-            return Err(Error::input(Notice::new(what, "remove it, or give another --out")));
-        }
+        let other = |row: &Row| {
+            let other = row.form != form(effort) || row.version != VERSION;
+            other.then(|| {
+                let (form, version) = (&row.form, &row.version);
+                format!("`form` and `version` are `{form}` and `{version}`: this is a point of another map")
+            })
+        };
+        let (points, rows) = Table::open(&folder.join("stability.csv"), other)?;
+        let (curves, places) = Table::open(&folder.join("curves.csv"), |_: &Place| None)?;
         Ok(Self { effort, points, rows, curves, places })
     }
 
@@ -179,7 +176,8 @@ mod tests {
         record.add(&axis, scheme, [1.0, 2.0], &sample).unwrap();
         drop(record);
         let error = Record::open(folder.path(), Effort::Full).err().expect("it holds quick points");
-        assert!(error.to_string().contains("of the quick form by version"), "{error}");
+        let said = error.to_string();
+        assert!(said.contains("stability.csv:2: ") && said.contains("`form` and `version` are `quick`"), "{said}");
         assert!(Record::open(folder.path(), Effort::Quick).unwrap().has(&axis, scheme, [1.0, 2.0]));
     }
 }

@@ -97,6 +97,32 @@ impl Row {
         self.outcome == DONE
     }
 
+    /// What is wrong with a row that was read, if anything is: no program of this version writes such a row.
+    fn wrong(&self) -> Option<String> {
+        let version = env!("CARGO_PKG_VERSION");
+        if self.version != version {
+            return Some(format!("`version` is `{}`, and this program is version {version}", self.version));
+        }
+        let seconds = [
+            ("wall_s", self.wall_s),
+            ("steps_s", self.steps_s),
+            ("steps_cpu_s", self.steps_cpu_s),
+            ("cpu_s", self.cpu_s),
+            ("spread", self.spread),
+        ];
+        let unknown = |(_, value): &&(&str, f64)| self.is_done() && !(value.is_finite() && *value >= 0.0);
+        if let Some((name, value)) = seconds.iter().find(unknown) {
+            return Some(format!("`{name}` is {value} in a run that is done"));
+        }
+        let no_number = |value: &&str| value.parse::<f64>().is_err();
+        let value = self.values.split([';', ' ']).filter(|value| !value.is_empty()).find(no_number);
+        let phase = self.phases.split_whitespace().find(|pair| {
+            pair.split_once('=').is_none_or(|(_, seconds)| seconds.parse::<f64>().is_err())
+        });
+        let what = |name: &str, value: &str| format!("`{name}` holds `{value}`, which is no number");
+        value.map(|value| what("values", value)).or_else(|| phase.map(|phase| what("phases", phase)))
+    }
+
     /// Values of a quantity.
     pub fn values_of(&self, quantity: usize) -> Vec<f64> {
         let list = self.values.split(';').nth(quantity).unwrap_or("");
@@ -120,9 +146,9 @@ impl Record {
     /// The file of the given name in a folder, with the rows of all files of the study there.
     ///
     /// # Errors
-    /// Another process writes the file, or a file is no table of this program.
+    /// Another process writes the file, or a file is no table of this version of the program or was damaged.
     pub fn open(folder: &Path, name: &str) -> Result<Self> {
-        let (table, mut all) = Table::open::<Row>(&folder.join(name))?;
+        let (table, mut all) = Table::open(&folder.join(name), Row::wrong)?;
         let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
             .map_err(|error| Error::file(folder, "read", error))?
             .filter_map(|entry| Some(entry.ok()?.path()))
@@ -130,7 +156,7 @@ impl Record {
             .collect();
         files.sort();
         for file in files {
-            all.extend(table::read::<Row>(&file)?);
+            all.extend(table::read(&file, Row::wrong)?);
         }
         let mut rows = BTreeMap::new();
         for row in all {

@@ -2,7 +2,7 @@
 
 use super::plane::{Plane, Scale};
 use super::table::Table;
-use plotters::style::colors::WHITE;
+use plotters::style::colors::{BLACK, WHITE};
 use std::path::{Path, PathBuf};
 use voidage_coupling::{Error, Result};
 
@@ -118,7 +118,7 @@ impl<'a> Grid<'a> {
                 [self.x[square] + 0.5 * u, self.y[square] + 0.5 * v],
             )
         });
-        plane.arrows(arrows.collect(), WHITE)?;
+        plane.arrows(arrows.collect(), WHITE, BLACK)?;
         plane.save()
     }
 }

@@ -48,7 +48,9 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
     let scene = read_scene(folder)?;
     let mut drawn = Vec::new();
     let series = folder.join("series.csv");
-    let series = if series.is_file() { Some(Table::read(&series)?) } else { None };
+    let series = if series.is_file() { Some(Table::series(&series, &scene)?) } else { None };
+    let averages = folder.join("averages.csv");
+    let averages = if averages.is_file() { Some(Table::averages(&averages)?) } else { None };
     if let Some(series) = &series {
         drawn.extend(temperature(folder, &scene, series)?);
         drawn.extend(pressure(folder, &scene, series)?);
@@ -59,9 +61,8 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
     if let Some(droplet) = &droplet {
         drawn.extend(droplet.draw(folder, &scene, series.as_ref(), &moments)?);
     }
-    let averages = folder.join("averages.csv");
-    if averages.is_file() {
-        drawn.extend(maps::draw(folder, &Table::read(&averages)?)?);
+    if let Some(averages) = &averages {
+        drawn.extend(maps::draw(folder, averages)?);
     }
     Ok(drawn)
 }

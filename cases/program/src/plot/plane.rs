@@ -67,8 +67,9 @@ struct Layout {
     legend: u32,
 }
 
-/// Height of a row of the legend, length of its strokes and about the width of a letter, in pixels of the saved
-/// picture.
+/// Room above the legend, height of its rows, length of its strokes and about the width of a letter, in pixels of the
+/// saved picture.
+const LEGEND_GAP: u32 = 16;
 const ROW_HEIGHT: u32 = 28;
 const STROKE: u32 = 34;
 const LETTER: f64 = 10.5;
@@ -98,13 +99,13 @@ impl Plane {
         let [main, _] = layout.outer();
         let wide = main + BAR * scales.len() as u32;
         let places = places(legend, wide - layout.left.min(wide));
-        layout.legend = places.last().map_or(0, |[_, row]| (row + 1) * ROW_HEIGHT + ROW_HEIGHT / 2);
+        layout.legend = places.last().map_or(0, |[_, row]| LEGEND_GAP + (row + 1) * ROW_HEIGHT + ROW_HEIGHT / 4);
         let high = layout.outer()[1];
         let mut canvas = Canvas::new(wide, high);
         let (panes, bars) = canvas.draw(path, |area| {
             let below = high - layout.legend;
             for (entry, [x, row]) in legend.iter().zip(&places) {
-                let [x, y] = [layout.left + x, below + row * ROW_HEIGHT + ROW_HEIGHT / 2];
+                let [x, y] = [layout.left + x, below + LEGEND_GAP + row * ROW_HEIGHT + ROW_HEIGHT / 2];
                 let at = |x: u32, y: u32| (pixels(x) as i32, pixels(y) as i32);
                 let stroke = entry.colour.stroke_width(pixels(4));
                 area.draw(&PathElement::new([at(x, y), at(x + STROKE - 10, y)], stroke))?;
@@ -181,8 +182,8 @@ impl Plane {
         self.frame.plane.map(|bound| bound / self.unit)
     }
 
-    /// Draws arrows from point to point, m.
-    pub fn arrows(&mut self, arrows: Vec<([f64; 2], [f64; 2])>, colour: RGBColor) -> Result<()> {
+    /// Draws arrows from point to point, m, in a colour with a rim of another one, so that they are seen on any field.
+    pub fn arrows(&mut self, arrows: Vec<([f64; 2], [f64; 2])>, colour: RGBColor, rim: RGBColor) -> Result<()> {
         let mut lines = Vec::new();
         for (from, to) in arrows {
             let along = [to[0] - from[0], to[1] - from[1]];
@@ -194,6 +195,7 @@ impl Plane {
             };
             lines.extend([[from, to], [head(1.0), to], [head(-1.0), to]]);
         }
+        self.strokes(lines.clone(), rim, 5)?;
         self.strokes(lines, colour, 2)
     }
 

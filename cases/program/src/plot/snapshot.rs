@@ -5,7 +5,7 @@ use super::hole::{self, Track};
 use super::plane::{Entry, Plane, Scale};
 use colorous::Gradient;
 use plotters::style::RGBColor;
-use plotters::style::colors::BLACK;
+use plotters::style::colors::{BLACK, WHITE};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -331,7 +331,7 @@ pub fn paint(plane: &mut Plane, scene: &Scene, picture: &Picture, view: &View) -
         (&picture.fluid, picture.field_values(scene), field_scale)
     {
         plane.field(&fluid.points, &fluid.cells, &values, &scale);
-        plane.arrows(stream(fluid, plane.bounds(), view.stream), STREAM)?;
+        plane.arrows(stream(fluid, plane.bounds(), view.stream), STREAM, WHITE)?;
     }
     // Grains in the droplet are seen through it.
     if let Some(droplet) = &picture.droplet {

@@ -23,7 +23,8 @@ impl Series {
         Series::open(path, columns)
     }
 
-    /// Goes on with the file of an earlier run: rows later than `time` are cut off. The columns must be the same.
+    /// Goes on with the file of an earlier run: rows later than `time` are cut off. The columns must be the same, and no
+    /// row before may be damaged.
     pub fn resume(path: &Path, columns: &[String], time: f64) -> Result<Self> {
         if !path.exists() {
             return Series::create(path, columns);
@@ -40,10 +41,19 @@ impl Series {
             );
             return Err(Error::input(Notice::new(what, "restart into an empty folder")));
         }
-        let time_of = |line: &str| line.split(',').next().and_then(|number| number.parse::<f64>().ok());
-        let whole = |line: &&str| line.split(',').count() == columns.len();
-        let kept = lines.filter(whole).take_while(|line| time_of(line).is_some_and(|at| at <= time));
-        let kept: Vec<&str> = kept.collect();
+        let (mut kept, mut last) = (vec![], f64::NEG_INFINITY);
+        for (line, number) in lines.zip(2..) {
+            let at = read_row(line, columns, last).map_err(|what| {
+                let what = format!("{}:{number}: {what}", path.display());
+                let help = "it was damaged or changed: repair this row, or restart into another folder with --out";
+                Error::input(Notice::new(what, help))
+            })?;
+            if at > time {
+                break;
+            }
+            kept.push(line);
+            last = at;
+        }
         write_whole(path, |file| {
             writeln!(file, "{header}")?;
             kept.iter().try_for_each(|line| writeln!(file, "{line}"))
@@ -101,5 +111,22 @@ impl Series {
         }
         self.length += row.len() as u64;
         Ok(())
+    }
+}
+
+/// The time of a row that comes after one at the time `last`, s; or what is wrong with it.
+fn read_row(line: &str, columns: &[String], last: f64) -> std::result::Result<f64, String> {
+    let values: Vec<&str> = line.split(',').collect();
+    if values.len() != columns.len() {
+        return Err(format!("{} values for {} columns: `{line}`", values.len(), columns.len()));
+    }
+    let mut numbers = vec![];
+    for (name, value) in columns.iter().zip(values) {
+        let number = value.parse::<f64>();
+        numbers.push(number.map_err(|_| format!("`{name}` is `{value}`, which is no number"))?);
+    }
+    match numbers.first() {
+        Some(time) if *time > last => Ok(*time),
+        time => Err(format!("`{}` is {:?} after {last}", columns[0], time.copied().unwrap_or(f64::NAN))),
     }
 }

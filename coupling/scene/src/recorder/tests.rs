@@ -60,6 +60,19 @@ fn a_series_goes_on_after_a_restart_without_later_rows() {
     assert_eq!(fs::read_to_string(&path).unwrap(), straight);
     let other = ["time_s".to_owned(), "pressure_drop_Pa".to_owned()];
     assert!(Series::resume(&path, &other, 0.3).unwrap_err().is_input());
+    for (from, to, says) in [
+        ("0.2,300.5", "0.2", "series.csv:3: 1 values for 2 columns: `0.2`"),
+        ("0.2,300.5", "0.2,3x0.5", "series.csv:3: `mean_grain_temperature_K` is `3x0.5`"),
+        ("0.2,300.5", "O.2,300.5", "series.csv:3: `time_s` is `O.2`"),
+        ("0.2,300.5", "NaN,300.5", "series.csv:3: `time_s` is NaN after 0.1"),
+        ("0.2,300.5", "0.1,300.5", "series.csv:3: `time_s` is 0.1 after 0.1"),
+    ] {
+        let damaged = straight.replacen(from, to, 1);
+        fs::write(&path, &damaged).unwrap();
+        let error = Series::resume(&path, &columns, 0.3).unwrap_err();
+        assert!(error.is_input() && error.to_string().contains(says), "{error}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), damaged, "what is refused is left alone");
+    }
 }
 
 #[test]

@@ -57,7 +57,8 @@ fn read(folder: &Path) -> Result<(Scene, Table)> {
         let what = format!("{}: holds no series.csv", folder.display());
         return Err(Error::input(Notice::new(what, FOLDER)));
     }
-    Ok((scene, Table::read(&series)?))
+    let series = Table::series(&series, &scene)?;
+    Ok((scene, series))
 }
 
 /// Names of runs in legends: the temperature of the bed, or the folder where that does not tell them apart.
