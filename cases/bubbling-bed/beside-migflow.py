@@ -3,9 +3,9 @@
 
     python3 cases/bubbling-bed/beside-migflow.py [--steps 400] [--warm 300] [--rounds 3] [--work DIR]
 
-MigFlow (GPL, run as it is, nothing of it copied) is installed with PARDISO into a virtual environment in DIR; its shipped
-case runs under a stopwatch put round its own calls. Both programs take one thread; steps before --warm are not counted.
-They run by turns, so many rounds; the table has medians, since machines are shared.
+MigFlow (GPL; it is run unchanged and nothing of it is copied) is installed with PARDISO into a virtual environment in
+DIR. Its shipped case runs with timers around its own calls. Both programs take one thread; steps before --warm are not
+counted. The programs run in turn for so many rounds, and the table has medians, because machines are shared.
 """
 
 import argparse
@@ -108,8 +108,11 @@ def bed(work: Path, after: float) -> str:
     """What the bed of voidage does after a time, to compare with what MigFlow's is known to do."""
     with open(work / "voidage-out" / "series.csv") as file:
         rows = [row for row in csv.DictReader(file) if float(row["time_s"]) > after]
-    mean = {key: sum(float(row[key]) for row in rows) / len(rows) for key in ("pressure_drop_Pa", "mean_grain_height_m")}
-    return f"voidage after {after} s: pressure drop {mean['pressure_drop_Pa']:.0f} Pa, mean height {mean['mean_grain_height_m']:.4f} m"
+    drop, height = (
+        sum(float(row[key]) for row in rows) / len(rows)
+        for key in ("pressure_drop_Pa", "mean_grain_height_m")
+    )
+    return f"voidage after {after} s: pressure drop {drop:.0f} Pa, mean height {height:.4f} m"
 
 
 def main() -> int:

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Runs the bed from one checkpoint on several fluid solvers by turns, and prints what a step takes and what the exchange
-is of it.
+"""Runs the bed from one checkpoint with several fluid solvers in turn, and prints the time of a step and the share of
+the exchange in it.
 
     python3 cases/bubbling-bed/solvers.py [--fluids rust,serve,fenicsx] [--steps 100] [--rounds 5] [--threads 1]
 
-The program is built in release first. Each solver runs the same steps of scene.toml from the same moment of a fluidised
-bed, in a process of its own as users start it; of each phase the median over the rounds counts, and of ratios the median
-of the quotients of runs that followed one another.
+The program is first built in release. Each solver does the same steps of scene.toml from the same state of a fluidised
+bed, in a process of its own, as users start it. Times of phases are medians over the rounds, and ratios are medians of
+the quotients of successive runs.
 """
 
 import argparse

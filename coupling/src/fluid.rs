@@ -220,7 +220,8 @@ impl<const D: usize> Fluid<D> {
         let way = self.droplet.as_ref().map_or(0.0, |droplet| droplet.travel(dt));
         Error::run(Notice::new(
             format!(
-                "the droplet moves {way:.3e} m in {dt:.3e} s: the cell of the mesh at {} would turn over, also of a new mesh",
+                "the droplet moves {way:.3e} m in {dt:.3e} s: the cell of the mesh at {} would turn over, also of a \
+                 new mesh",
                 at(place)
             ),
             "give a smaller time.step, or cut such steps: coupling.cut = {}; shorter edges cannot follow so far either",

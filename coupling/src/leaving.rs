@@ -47,7 +47,8 @@ impl<const D: usize> Mixture<D> {
             let place = place.as_slice();
             return Err(Error::run(Notice::new(
                 format!(
-                    "grain {id} at {place:?} of radius {radius} lies outside of the mesh, behind its boundary \"{name}\""
+                    "grain {id} at {place:?} of radius {radius} lies outside of the mesh, behind its boundary \
+                     \"{name}\""
                 ),
                 "keep grains in by [[walls]], or open that boundary; where a long step throws them out, \
                  coupling.cut = {} or a smaller time.step",

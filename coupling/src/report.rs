@@ -65,8 +65,8 @@ pub struct StepReport {
     pub grains: Option<voidage_dem::StepReport>,
     /// The fluid solver; absent without.
     pub fluid: Option<voidage_fluid::flow::Report>,
-    /// |impulse that the grains got - impulse that the fluid lost at its points - change of what is carried to the next step|
-    /// over the sum of |impulse| of the grains; with both only. The worst part of the step.
+    /// |impulse that the grains got - impulse that the fluid lost at its points - change of what is carried to the next
+    /// step| over the sum of |impulse| of the grains; with both only. The worst part of the step.
     pub momentum_exchange_defect: Option<f64>,
     /// The same for heat; with heat in both only.
     pub energy_exchange_defect: Option<f64>,

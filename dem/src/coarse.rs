@@ -7,7 +7,8 @@
 //! phi_k),
 //!
 //! ```text
-//!     p <- p + sum over k, f of theta_kf phi_k q_f,       q_0 = p,  q_1, q_2, ..  the changes of p in the last runs of sweeps,
+//!     p <- p + sum over k, f of theta_kf phi_k q_f,
+//!     q_0 = p,  q_1, q_2, ..  the changes of p in the last runs of sweeps,
 //! ```
 //!
 //! and theta minimises the energy 1/2 |M^-1/2 (H^T p + ..)|^2 + bias p that the impulses of the contacts minimise
@@ -96,8 +97,8 @@ const IDLE: usize = 100;
 const CHUNKS: usize = 4;
 
 impl<const D: usize> Coarse<D> {
-    /// Lays the nodes of another problem, whose contacts lie between two corners, and forgets the changes. The room for them, and for the impulses before a
-    /// correction, is given back when many problems in a row have done without.
+    /// Lays the nodes of another problem, whose contacts lie between two corners, and forgets the changes. The room for
+    /// them, and for the impulses before a correction, is given back when many problems in a row have done without.
     pub fn restart(&mut self, contacts: [Vector<D>; 2], radius: &[f64], uncorrected: &mut Impulses<D>) {
         self.idle += 1;
         if self.idle == IDLE {

@@ -111,8 +111,8 @@ impl<const D: usize> Default for Grid<D> {
 }
 
 impl<const D: usize> Grid<D> {
-    /// Sorts grains into cells; pairs closer than the sum of their radii with skins + `reach` will be met. Along periodic axes
-    /// all positions lie in the domain.
+    /// Sorts grains into cells; pairs closer than the sum of their radii with skins + `reach` will be met. Along
+    /// periodic axes all positions lie in the domain.
     pub fn build(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64, period: &Period<D>) {
         let n = position.len();
         self.period = *period;

@@ -70,8 +70,8 @@ impl<const D: usize> Moved<'_, D> {
     }
 }
 
-/// Whether a point that goes straight from a place beside a wall to a place beside where the wall is then passes through
-/// it; an endless wall leads from one periodic side to the other.
+/// Whether a point that goes straight from a place beside a wall to a place beside where the wall is then passes
+/// through it; an endless wall leads from one periodic side to the other.
 fn crossed<const D: usize>(
     (wall, start): (&Placed<D>, &Vector<D>),
     (moved, end): (&Placed<D>, &Vector<D>),

@@ -30,7 +30,8 @@ impl<const D: usize> Period<D> {
         {
             if !(low.is_finite() && high.is_finite() && low < high) {
                 return Err(Error::Scene(format!(
-                    "the periodic sides along axis {axis} are at {low} and {high} m: the second must be beyond the first"
+                    "the periodic sides along axis {axis} are at {low} and {high} m: the second must be beyond the \
+                     first"
                 )));
             }
         }
@@ -105,8 +106,8 @@ impl<const D: usize> Period<D> {
         x
     }
 
-    /// Where a segment is to be shown: one that leads from side to side between these, another one with its middle in the
-    /// domain.
+    /// Where a segment is to be shown: one that leads from side to side between these, another one with its middle in
+    /// the domain.
     pub fn place(&self, [a, b]: [Vector<D>; 2]) -> [Vector<D>; 2] {
         let middle = (a + b) * 0.5;
         let mut shift = self.wrap(middle) - middle;

@@ -430,8 +430,8 @@ impl<const D: usize> Problem<D> {
         r.impulse.get().abs() >= STICKS * r.most(self.pressed(k, c))
     }
 
-    /// What a contact presses with, cohesion included, N s; 0 for one that gives way, which pulls with its cohesion but for
-    /// rounding.
+    /// What a contact presses with, cohesion included, N s; 0 for one that gives way, which pulls with its cohesion but
+    /// for rounding.
     #[inline(always)]
     pub fn pressed(&self, k: usize, c: &Contact<D>) -> f64 {
         let cohesion = self.cohesion.get(k).copied().unwrap_or(0.0);
@@ -439,8 +439,8 @@ impl<const D: usize> Problem<D> {
         if pressed > ROUNDING * cohesion { pressed } else { 0.0 }
     }
 
-    /// Whether corrections over long distances take a contact: one that presses, and lies between its grains. One across
-    /// periodic sides keeps its impulse.
+    /// Whether corrections over long distances take a contact: one that presses, and lies between its grains. One
+    /// across periodic sides keeps its impulse.
     #[inline(always)]
     pub fn is_corrected(&self, k: usize, c: &Contact<D>) -> bool {
         k < self.first_across && self.pressed(k, c) > 0.0

@@ -23,8 +23,8 @@ impl<'a, const D: usize> Facet<'a, D> {
         Self { nodes, masters, measure, normal }
     }
 
-    /// Calls `f(a, b, integral of w phi_a phi_b)` for all pairs of nodes (their masters), w given at the quadrature points
-    /// by the shape functions there.
+    /// Calls `f(a, b, integral of w phi_a phi_b)` for all pairs of nodes (their masters), w given at the quadrature
+    /// points by the shape functions there.
     fn mass(&self, weight: impl Fn(&[f64; 3]) -> f64, mut f: impl FnMut(u32, u32, f64)) {
         for a in 0..D {
             for b in 0..D {

@@ -136,8 +136,8 @@ pub fn facets<'a, const D: usize>(
     part.into_iter().flat_map(|part| part.facets.chunks_exact(D))
 }
 
-/// The velocity conditions of every node that is a master, in the order of the scene: a later prescribed velocity wins at
-/// shared nodes, slip never frees a node that is fixed and is replaced by a later prescribed velocity.
+/// The velocity conditions of every node that is a master, in the order of the scene: a later prescribed velocity wins
+/// at shared nodes, slip never frees a node that is fixed and is replaced by a later prescribed velocity.
 ///
 /// Slip normals of facets within 30 degrees are averaged (a smooth boundary); a sharper corner holds each
 /// of its directions. `moving` holds the velocities of the nodes if the mesh moves.

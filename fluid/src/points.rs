@@ -168,8 +168,8 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
     }
 }
 
-/// Nodal projection (A.15) of the solid flux phi v*, with the law of the equation of mass in a state of the fluid, m/s; added
-/// to `flux`, of nodes that are one at their master.
+/// Nodal projection (A.15) of the solid flux phi v*, with the law of the equation of mass in a state of the fluid, m/s;
+/// added to `flux`, of nodes that are one at their master.
 pub(crate) fn solid_flux<const D: usize, const B: usize>(
     points: &Points<D>,
     geometry: &Geometry<D, B>,

@@ -1,4 +1,5 @@
-"""Manufactured solutions in three voidage fields, one moving, on every solver that is installed: the same errors as the Rust solver.
+"""Manufactured solutions in three voidage fields, one moving, on every solver that is installed: their
+errors are those of the Rust solver.
 
 The sources are worked out by hand here and by automatic differentiation in the Rust program, the
 errors are computed twice, and the meshes are made twice: nothing is shared but the method.

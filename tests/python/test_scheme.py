@@ -53,8 +53,8 @@ class Iterated(Henry):
 
 
 class Implicit:
-    """Implicit drag and laws around a trial response, iterated until grains and fluid agree. The built-in `iterated` knows
-    the contacts and agrees sooner, but on the same."""
+    """Implicit drag and laws around a trial response, iterated until grains and fluid agree. The built-in
+    `iterated` knows the contacts and agrees sooner, but on the same."""
 
     def forcing(self, system):
         load, at = system.load, system.at_grains

@@ -34,8 +34,8 @@ fn strip(count: usize, height: f64) -> (Vec<V>, Vec<f64>, Vec<V>) {
     (places, radii, velocities)
 }
 
-/// Grains in shear between two walls that move, warm from 300 to 400 K, with the places of the sides moved by a part of the
-/// period; both walls turn into each other's direction.
+/// Grains in shear between two walls that move, warm from 300 to 400 K, with the places of the sides moved by a part of
+/// the period; both walls turn into each other's direction.
 fn sheared(shift: f64, height: f64, friction: f64) -> Dem<2> {
     let (mut places, radii, velocities) = strip(150, height);
     places.iter_mut().for_each(|x| x.x += shift);
@@ -344,8 +344,8 @@ solver = {{ tolerance = 1e-12 }}
     )
 }
 
-/// u = b y (H - y) / (2 nu): exact at the nodes, where gravity only adds rho g to the gradient of the pressure, and of order 2
-/// between them.
+/// u = b y (H - y) / (2 nu): exact at the nodes, where gravity only adds rho g to the gradient of the pressure, and of
+/// order 2 between them.
 #[test]
 fn a_channel_driven_by_a_body_force_has_the_exact_parabola() {
     let exact = |y: f64| 0.02 * y * (0.02 - y) / (2.0 * 0.04 / 800.0);

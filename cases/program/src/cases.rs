@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Scene;
 
-/// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads another file, so that
-/// it runs in any folder.
+/// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads
+/// another file, so that it runs in any folder.
 pub const CASES: [(&str, &str); 19] = [
     ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
     ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),

@@ -1,13 +1,15 @@
 //! A bed on its floor under an inflow: the pressure drop is that of the drag law until it carries the weight, whatever
 //! the step.
 //!
-//! The drop D of the drag law is that of the same grains held fast. The weight W is that of the grains less buoyancy, over
-//! the width. Where the law differs from row to row, as it does by the nodes' share of the bed's surface, or where short steps let the
-//! pressures alternate, rows rise before the bed does, and min(D, W) holds for what lies above each height ([`Bed::law`]). The drop is taken from the balance of momentum: it is what the fluid carries of the grains, per width, less what it
-//! gives up of its own momentum. The pressures on the nodes of the inflow are not that: with steps much shorter than h^2 / nu the
-//! pressure stabilisation, which shrinks as the step does, leaves them to alternate from row to row (by 1.6 % of the weight in water
-//! with dt/tau = 1e-3). `henry-free` gives (D + kappa W)/(1 + kappa) with kappa = beta dt/(eps^2 phi rho_p), and `henry` is unstable
-//! when A (B - 1) > 2 (1 + B): see `voidage_coupling::scheme::henry`.
+//! The drop D of the drag law is that of the same grains held fast. The weight W is that of the grains less buoyancy,
+//! over the width. Where the law differs from row to row, as it does by the nodes' share of the bed's surface, or where
+//! short steps let the pressures alternate, rows rise before the bed does, and min(D, W) holds for what lies above each
+//! height ([`Bed::law`]). The drop is taken from the balance of momentum: it is what the fluid carries of the grains,
+//! per width, less what it gives up of its own momentum. The pressures on the nodes of the inflow are not that: with
+//! steps much shorter than h^2 / nu the pressure stabilisation, which shrinks as the step does, leaves them to
+//! alternate from row to row (by 1.6 % of the weight in water with dt/tau = 1e-3). `henry-free` gives (D + kappa W)/(1
+//! + kappa) with kappa = beta dt/(eps^2 phi rho_p), and `henry` is unstable when A (B - 1) > 2 (1 + B): see
+//! `voidage_coupling::scheme::henry`.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use std::collections::VecDeque;

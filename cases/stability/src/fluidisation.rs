@@ -1,11 +1,11 @@
 //! The fluidisation curve: the inflow goes up through fluidisation and down again, and the pressure drop must be the
 //! smaller of drag law and weight whatever the step.
 //!
-//! The drag law is that of the same grains held fast where they are, on the same mesh. A bed that was lifted comes to rest again,
-//! looser, and carries its weight only at a higher inflow; how loose depends on how far it was lifted at once. Hence the small
-//! changes of the inflow about fluidisation, and the time to come to rest after each. And hence [`Cutting`]: in a step of one
-//! relaxation time in gas the fluid passes five diameters, and a grain is pushed all the way as where it was; not cut, such steps throw
-//! grains up that hover in shorter ones, and leave a looser bed.
+//! The drag law is that of the same grains held fast where they are, on the same mesh. A bed that was lifted comes to
+//! rest again, looser, and carries its weight only at a higher inflow; how loose depends on how far it was lifted at
+//! once. Hence the small changes of the inflow about fluidisation, and the time to come to rest after each. And hence
+//! [`Cutting`]: in a step of one relaxation time in gas the fluid passes five diameters, and a grain is pushed all the
+//! way as where it was; not cut, such steps throw grains up that hover in shorter ones, and leave a looser bed.
 //!
 //! Below fluidisation the drop is the mean over the last fifth of the steps, in which what is carried from step to step
 //! evens out, and is judged. Above it, it is drawn. Where nothing moves any more it stands beside the same law, which

@@ -39,7 +39,8 @@ pub const AXES: &[Axis] = &[
     },
     Axis {
         name: "remesh",
-        title: "Volume that an oscillating mesh with remeshing loses per step, over the inflow: a bed of 100 um grains in water",
+        title: "Volume that an oscillating mesh with remeshing loses per step, over the inflow: a bed of 100 um grains \
+                in water",
         source: "incompressible: what flows in flows out",
         labels: ["motion of a node per step / element size", "steps between two meshes"],
         coupled: true,

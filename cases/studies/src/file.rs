@@ -89,9 +89,9 @@ pub enum Reference {
 pub struct Quantity {
     /// Name in tables and plots.
     pub name: String,
-    /// Which value it is: `{series = "COLUMN"}` of series.csv; `{summary = "KEY"}` of summary.json; `{grain = {number = 0,
-    /// column = "velocity", axis = 1}}`; `{field = "temperature"}`, nodal, at the end, in L2; or, of a problem, `{error
-    /// = "NAME"}`.
+    /// Which value it is: `{series = "COLUMN"}` of series.csv; `{summary = "KEY"}` of summary.json;
+    /// `{grain = {number = 0, column = "velocity", axis = 1}}`; `{field = "temperature"}`, nodal, at the end, in L2;
+    /// or, of a problem, `{error = "NAME"}`.
     pub of: Of,
     /// Times at which it is looked at, s; between steps it is interpolated. Default: the end of the run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

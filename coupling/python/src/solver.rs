@@ -35,7 +35,8 @@ impl PythonFluid {
             if !solver.getattr(method).is_ok_and(|attribute| attribute.is_callable()) {
                 let name = solver.get_type().name()?;
                 return Err(PyTypeError::new_err(format!(
-                    "`fluid` is a {name} without a method `{method}`; it must be a name or have the methods of voidage.Solver"
+                    "`fluid` is a {name} without a method `{method}`; it must be a name or have the methods of \
+                     voidage.Solver"
                 )));
             }
         }

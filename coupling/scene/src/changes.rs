@@ -168,7 +168,8 @@ impl Scene {
             None => Ok(changes),
             Some(change) => {
                 let what = format!("`{change}`: a run cannot go on with that from a checkpoint");
-                let help = "laws, boundary conditions, gravity, friction, the step and how equations are solved may change; the grains, \
+                let help = "laws, boundary conditions, gravity, friction, the step and how equations are solved may \
+                            change; the grains, \
                             the mesh and the fields are those of the checkpoint";
                 Err(self.error(&change.key, what, help))
             }

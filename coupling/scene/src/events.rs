@@ -103,7 +103,8 @@ impl Scene {
             None => Ok(()),
             Some(change) => wrong(
                 format!("`{}` cannot change while a run goes on", change.key),
-                "friction, rolling, restitution, cohesion, sources and sinks, laws, schemes and conditions at boundaries can",
+                "friction, rolling, restitution, cohesion, sources and sinks, laws, schemes and conditions at \
+                 boundaries can",
             ),
         }
     }

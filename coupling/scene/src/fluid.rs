@@ -300,9 +300,9 @@ pub struct Coupling {
     /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatTransfer>,
-    /// Values of scalars of the fluid, by name, below which contacts are cohesive (`contacts.cohesion`): `{vapour =
-    /// 0.9}`. The value is the mean over a grain at the start of the step, and it must be below the bound for both grains
-    /// of a contact. Default: none, cohesion acts everywhere.
+    /// Values of scalars of the fluid, by name, below which contacts are cohesive (`contacts.cohesion`):
+    /// `{vapour = 0.9}`. The value is the mean over a grain at the start of the step, and it must be below the bound
+    /// for both grains of a contact. Default: none, cohesion acts everywhere.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub cohesion_below: BTreeMap<String, f64>,
 }

@@ -143,7 +143,8 @@ impl Totals {
         if self.waiting.steps > 0 {
             let Tally { worst, first, .. } = self.waiting;
             lines.push(format!(
-                "{}: grains that were due waited for a free place, at most {worst} of source {:?}, first at step {first}",
+                "{}: grains that were due waited for a free place, at most {worst} of source {:?}, first at step \
+                 {first}",
                 of(&self.waiting),
                 source(self.slowest)
             ));
@@ -195,7 +196,8 @@ mod tests {
             totals.shortcomings(|_| "lid", |_| "feed"),
             [
                 "3 of 4 steps did not reach the contact tolerance (worst residual 3.1e-1, first at step 2)",
-                "largest penetration 0.31 of a radius, at step 3 between grain 17 and wall \"lid\"; 2 of 4 steps above 0.05"
+                "largest penetration 0.31 of a radius, at step 3 between grain 17 and wall \"lid\"; 2 of 4 steps above \
+                 0.05"
             ]
         );
         assert_eq!(totals.penetrating, Tally { steps: 2, first: 2, worst: 0.31 });

@@ -21,7 +21,8 @@
 //! liquid ask for, whatever the grains do that pass it:
 //!
 //! ```text
-//! rdot = (c_U + c_v - mdot/rho_w + eta C/dt) / E,   E = int eps s . (-n),   c_U = int eps U . n,   c_v = sum over chords of solid v . n
+//! rdot = (c_U + c_v - mdot/rho_w + eta C/dt) / E,   E = int eps s . (-n),
+//! c_U = int eps U . n,   c_v = sum over chords of solid v . n
 //! ```
 //!
 //! Where the water fills no pores of the grains ([`GrainShare::Disc`]), V_p has their discs and the gas of their

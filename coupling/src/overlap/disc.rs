@@ -69,8 +69,9 @@ pub(super) fn cut(p: [Point; 3], r: f64) -> Part {
     for k in 0..3 {
         let l = (k + 1) % 3;
         let (a, b) = (p[k], p[l]);
-        // The line of the edge is f + s u with the foot of the perpendicular f = (a x u) (u_y, -u_x) / |u|^2, which does
-        // not suffer when the edge is much longer than the disc. The circle is crossed at s = -+ sqrt(crossing) / |u|^2.
+        // The line of the edge is f + s u with the foot of the perpendicular f = (a x u) (u_y, -u_x) / |u|^2, which
+        // does not suffer when the edge is much longer than the disc. The circle is crossed at s = -+ sqrt(crossing) /
+        // |u|^2.
         let u = minus(b, a);
         let (length2, foot, turn) = (dot(u, u), -dot(a, u), cross(a, u));
         centre_inside &= turn >= 0.0;

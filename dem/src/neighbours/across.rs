@@ -1,5 +1,5 @@
-//! Pairs of grains that may meet across periodic sides. They make a tile of their own, with a colour of its own: the cells of
-//! the grid end at the sides.
+//! Pairs of grains that may meet across periodic sides. They make a tile of their own, with a colour of its own: the
+//! cells of the grid end at the sides.
 
 use super::Grid;
 use crate::space::{Vector, stencil};
@@ -14,8 +14,8 @@ pub(super) struct Across {
 }
 
 impl<const D: usize> Grid<D> {
-    /// Finds the pairs closer than the sum of their radii with skins + `reach` of which the one is nearest to an image of
-    /// the other.
+    /// Finds the pairs closer than the sum of their radii with skins + `reach` of which the one is nearest to an image
+    /// of the other.
     pub(super) fn gather_across(&mut self, position: &[Vector<D>], radius: &[f64], reach: f64) {
         self.across.clear();
         if self.period.is_none() {
@@ -30,7 +30,8 @@ impl<const D: usize> Grid<D> {
         self.across = across;
     }
 
-    /// The pairs of which the second is nearest to the image of the first by one period along each axis that is not zero.
+    /// The pairs of which the second is nearest to the image of the first by one period along each axis that is not
+    /// zero.
     fn pairs_of_shift(
         &self,
         shift: &[i64; D],

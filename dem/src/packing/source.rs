@@ -52,7 +52,8 @@ impl<'a, const D: usize> Source<'a, D> {
         }
         let unit = if D == 2 { "kg/m" } else { "kg" };
         Err(Error::Scene(format!(
-            "a mass of {asked:e} {unit} is less than half of one grain: a grain of radius {radius:.4e} m has {mass:.4e} {unit}"
+            "a mass of {asked:e} {unit} is less than half of one grain: a grain of radius {radius:.4e} m has \
+             {mass:.4e} {unit}"
         )))
     }
 

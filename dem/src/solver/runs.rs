@@ -18,10 +18,11 @@
 //! ([`Rolling`](crate::rolling::Rolling)): what it says counts to the sum of r^2 / (2 rho) and to the columns of the
 //! corrections.
 //!
-//! **Rest.** Where contacts take all that forces bring to the grains but a small share, no velocity at all obeys the laws of the
-//! contacts with the same impulses: only that share of the forces is not balanced. Such grains stop, and the problem of the next
-//! step is the same: its impulses solve it without a sweep. What is left of the velocities is taken only where hardly anything
-//! moves; where much does, it is what tells the next step how the impulses must change.
+//! **Rest.** Where contacts take all that forces bring to the grains but a small share, no velocity at all obeys the
+//! laws of the contacts with the same impulses: only that share of the forces is not balanced. Such grains stop, and
+//! the problem of the next step is the same: its impulses solve it without a sweep. What is left of the velocities is
+//! taken only where hardly anything moves; where much does, it is what tells the next step how the impulses must
+//! change.
 //!
 //! Corrections also take what sweeps have changed of the impulses times such factors. As a measure these would claim
 //! errors that are none: where friction or cohesion are at their limits they lead out of the law.

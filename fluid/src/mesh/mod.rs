@@ -132,8 +132,8 @@ impl<const D: usize> Mesh<D> {
         (0..self.cell_count()).map(|cell| self.measure(cell)).sum()
     }
 
-    /// For each node the integral of its shape function: a share 1/(D + 1) of every cell around it. m2 or m3. That of nodes
-    /// that are one is at their master, with zero at the images.
+    /// For each node the integral of its shape function: a share 1/(D + 1) of every cell around it. m2 or m3. That of
+    /// nodes that are one is at their master, with zero at the images.
     pub fn nodal_volume(&self) -> Vec<f64> {
         let mut out = vec![0.0; self.points.len()];
         for cell in 0..self.cell_count() {

@@ -100,8 +100,8 @@ const ALIKE: f64 = 1e-7;
 const LONGEST_CELL: f64 = 0.45;
 
 impl<const D: usize> Mesh<D> {
-    /// Makes the lower and the upper side along some axes one. What boundary there was is gone. Nodes of the upper side are
-    /// moved to where the images of those of the lower one are, by less than round-off of a file.
+    /// Makes the lower and the upper side along some axes one. What boundary there was is gone. Nodes of the upper side
+    /// are moved to where the images of those of the lower one are, by less than round-off of a file.
     ///
     /// # Errors
     /// A side that is not one straight line, or nodes that have no image; a part of the boundary that is on a side and

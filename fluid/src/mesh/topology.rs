@@ -134,7 +134,8 @@ impl<const D: usize> Mesh<D> {
             if (0..=D).any(|k| same_turn::<D>(&nodes, &of(other, k))) {
                 let place = self.points[nodes[0] as usize];
                 return Err(Error::Mesh(format!(
-                    "the mesh is folded: its cells {cell} and {other} lie on the same side of the facet that they share, at {:?}",
+                    "the mesh is folded: its cells {cell} and {other} lie on the same side of the facet that they \
+                     share, at {:?}",
                     place.as_slice()
                 )));
             }

@@ -92,8 +92,8 @@ fn of_mesh(mesh: &Mesh<2>) -> Vec<(String, Line)> {
     mesh.boundaries.iter().flat_map(of).collect()
 }
 
-/// The sides of triangles of a frame that have no neighbour, each with the number of the part that it lies nearest to; but for
-/// those of a ring, the surface of a droplet, and those on periodic sides.
+/// The sides of triangles of a frame that have no neighbour, each with the number of the part that it lies nearest to;
+/// but for those of a ring, the surface of a droplet, and those on periodic sides.
 pub fn sides(
     parts: &[Part],
     frame: &Frame,

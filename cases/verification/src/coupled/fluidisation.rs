@@ -15,7 +15,8 @@ pub const CASE: Case = Case {
     name: "minimum-fluidisation",
     group: "coupled",
     title: "pressure drop of a bed that rests on its floor, and the inflow at which the floor carries nothing",
-    source: "exact for the closure: sum of V (gamma/V) w / eps over the grains, w = U/eps, is the pressure drop times the area, and the weight at U_mf",
+    source: "exact for the closure: sum of V (gamma/V) w / eps over the grains, w = U/eps, is the pressure drop times \
+             the area, and the weight at U_mf",
     run,
 };
 

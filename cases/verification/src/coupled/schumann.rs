@@ -16,7 +16,8 @@ pub const CASE: Case = Case {
     name: "schumann",
     group: "coupled",
     title: "temperatures of stream and grains in a packed bed that a hot stream enters",
-    source: "T. E. W. Schumann, J. Franklin Inst. 208, 405 (1929): theta_f = 1 - e^-tau int_0^xi e^-s I0(2 (tau s)^1/2) ds, theta_s = theta_f - e^(-xi-tau) I0(2 (xi tau)^1/2)",
+    source: "T. E. W. Schumann, J. Franklin Inst. 208, 405 (1929): theta_f = 1 - e^-tau int_0^xi e^-s I0(2 (tau \
+             s)^1/2) ds, theta_s = theta_f - e^(-xi-tau) I0(2 (xi tau)^1/2)",
     run,
 };
 

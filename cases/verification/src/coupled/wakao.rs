@@ -10,8 +10,10 @@ use voidage_coupling::closure::{HeatTransfer, Surroundings, VoidageFunction};
 pub const CASE: Case = Case {
     name: "wakao",
     group: "coupled",
-    title: "Nusselt number of the law of Henry et al. with each voidage function, against Wakao's in a packed bed of air",
-    source: "N. Wakao, S. Kaguei, T. Funazkri, Chem. Eng. Sci. 34, 325 (1979); extremes of the printed formulas for Pr 0.71, eps 0.45, 15 <= Re_s <= 8500",
+    title: "Nusselt number of the law of Henry et al. with each voidage function, against Wakao's in a packed bed of \
+            air",
+    source: "N. Wakao, S. Kaguei, T. Funazkri, Chem. Eng. Sci. 34, 325 (1979); extremes of the printed formulas for Pr \
+             0.71, eps 0.45, 15 <= Re_s <= 8500",
     run,
 };
 

@@ -23,8 +23,10 @@ pub const CASE: Case = Case {
     name: "body",
     group: "fluid",
     title: "drag, added mass, fall and vapour of a disc that is solved with the fluid",
-    source: "exact: Stokes between concentric circles, F = 4 pi eta U/(ln(R/a) - (R^2 - a^2)/(R^2 + a^2)); potential flow there, \
-             added mass rho pi a^2 (R^2 + a^2)/(R^2 - a^2); between walls Faxen's series (1946), and for half the gap a converged \
+    source: "exact: Stokes between concentric circles, F = 4 pi eta U/(ln(R/a) - (R^2 - a^2)/(R^2 + a^2)); potential \
+             flow there, \
+             added mass rho pi a^2 (R^2 + a^2)/(R^2 - a^2); between walls Faxen's series (1946), and for half the gap \
+             a converged \
              solution, 99.36",
     run,
 };

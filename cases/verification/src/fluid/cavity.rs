@@ -13,7 +13,8 @@ pub const CASE: Case = Case {
     name: "lid-cavity",
     group: "fluid",
     title: "velocity on the centre lines of the lid-driven cavity at Re 100, 400 and 1000",
-    source: "U. Ghia, K. N. Ghia, C. T. Shin, J. Comput. Phys. 48, 387 (1982); Re 1000 also O. Botella, R. Peyret, Comput. Fluids 27, 421 (1998)",
+    source: "U. Ghia, K. N. Ghia, C. T. Shin, J. Comput. Phys. 48, 387 (1982); Re 1000 also O. Botella, R. Peyret, \
+             Comput. Fluids 27, 421 (1998)",
     run,
 };
 

@@ -13,7 +13,8 @@ use voidage_fluid::flow::State;
 pub const SPACE: Case = Case {
     name: "manufactured-space",
     group: "fluid",
-    title: "manufactured flow with heat in three voidage fields, one moving, and among moving bodies, converges as P1 should",
+    title: "manufactured flow with heat in three voidage fields, one moving, and among moving bodies, converges as P1 \
+            should",
     source: "sources derived from the exact fields; tests/manufactured.py, fields of Lethe's VANS verification",
     run: run_space,
 };
@@ -23,7 +24,8 @@ pub const MESHES: Case = Case {
     name: "manufactured-meshes",
     group: "fluid",
     title: "the order of the pressure is that of the mesh: 1.5 where edges have three directions, 1 without order",
-    source: "supercloseness on meshes of three directions: Eichel, Tobiska, Xie (2009), Stokes problem; sources as for manufactured-space",
+    source: "supercloseness on meshes of three directions: Eichel, Tobiska, Xie (2009), Stokes problem; sources as for \
+             manufactured-space",
     run: run_meshes,
 };
 

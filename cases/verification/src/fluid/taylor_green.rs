@@ -15,7 +15,8 @@ pub const CASE: Case = Case {
     name: "taylor-green",
     group: "fluid",
     title: "a decaying vortex is the same in a constant voidage as without, and decays at its rate",
-    source: "exact: u = (sin(pi x) cos(pi y), -cos(pi x) sin(pi y)) exp(-2 nu pi^2 t), p = eps rho (cos(2 pi x) + cos(2 pi y)) / 4 exp(-4 nu pi^2 t)",
+    source: "exact: u = (sin(pi x) cos(pi y), -cos(pi x) sin(pi y)) exp(-2 nu pi^2 t), p = eps rho (cos(2 pi x) + \
+             cos(2 pi y)) / 4 exp(-4 nu pi^2 t)",
     run,
 };
 

@@ -14,7 +14,8 @@ pub const CASE: Case = Case {
     name: "heat-chain",
     group: "grains",
     title: "N discs between a hot and a cold one carry H dT/(N + 1), and relax to it as exponentials",
-    source: "exact: resistors in series; slowest mode sin(pi i/(N + 1)), rate 2 (H/C)(1 - cos(pi/(N + 1))), H by Henry et al. B.3",
+    source: "exact: resistors in series; slowest mode sin(pi i/(N + 1)), rate 2 (H/C)(1 - cos(pi/(N + 1))), H by Henry \
+             et al. B.3",
     run,
 };
 

@@ -15,7 +15,8 @@ pub const CASE: Case = Case {
     name: "column-collapse",
     group: "grains",
     title: "columns of discs of aspect ratio a run out by 2.5 a of their half width when low, by 3.25 a^0.7 when tall",
-    source: "Staron and Hinch 2005 (J. Fluid Mech. 545, 1), contact dynamics of discs: 2.5 a, 3.25 a^0.7; experiments between \
+    source: "Staron and Hinch 2005 (J. Fluid Mech. 545, 1), contact dynamics of discs: 2.5 a, 3.25 a^0.7; experiments \
+             between \
              plates, Lube et al. 2005 (Phys. Rev. E 72, 041301): 1.2 a, 1.9 a^(2/3)",
     run,
 };

@@ -13,7 +13,8 @@ pub const CASE: Case = Case {
     name: "three-cylinders",
     group: "grains",
     title: "two cylinders on the ground carry a third iff friction suffices in both places",
-    source: "exact: mu >= tan 15 = 0.267949 between them, >= a third of it, 0.0893164, on the ground (3/2 m g each there)",
+    source: "exact: mu >= tan 15 = 0.267949 between them, >= a third of it, 0.0893164, on the ground (3/2 m g each \
+             there)",
     run,
 };
 

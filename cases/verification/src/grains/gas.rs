@@ -16,7 +16,8 @@ pub const CASE: Case = Case {
     name: "granular-gas",
     group: "grains",
     title: "a gas of inelastic discs between elastic walls cools as (1 + t/tau)^-2",
-    source: "Haff 1983; rate (1 - e^2)/4 of the collision frequency 2 sqrt(pi) n d chi sqrt(T/m), chi by Henderson 1975, Sonine \
+    source: "Haff 1983; rate (1 - e^2)/4 of the collision frequency 2 sqrt(pi) n d chi sqrt(T/m), chi by Henderson \
+             1975, Sonine \
              correction by van Noije and Ernst 1998",
     run,
 };

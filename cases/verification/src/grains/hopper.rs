@@ -15,8 +15,10 @@ use voidage_dem::{Dem, Load, Material, Settings, Wall};
 pub const CASE: Case = Case {
     name: "hopper",
     group: "grains",
-    title: "discs flow out of a silo through an opening W at a rate in proportion to (W - d)^1.5 and a factor between 1/2 and 1",
-    source: "Mankoc et al. 2007 (Granular Matter 9, 407): (1 - e^(-b (W - d))/2) (W - d)^1.5 in the plane, in place of (W - k d)^1.5 of Beverloo \
+    title: "discs flow out of a silo through an opening W at a rate in proportion to (W - d)^1.5 and a factor between \
+            1/2 and 1",
+    source: "Mankoc et al. 2007 (Granular Matter 9, 407): (1 - e^(-b (W - d))/2) (W - d)^1.5 in the plane, in place of \
+             (W - k d)^1.5 of Beverloo \
              et al. 1961; also how wide and high a silo must be",
     run,
 };

@@ -17,7 +17,8 @@ pub const CASE: Case = Case {
     name: "heat-network",
     group: "grains",
     title: "lattices of discs conduct as H and sqrt(3) H, a random bed as the resistors that its forces make of it",
-    source: "exact: k = H for the square lattice, sqrt(3) H for the triangular one; a dense solution of the same network",
+    source: "exact: k = H for the square lattice, sqrt(3) H for the triangular one; a dense solution of the same \
+             network",
     run,
 };
 

@@ -16,8 +16,10 @@ pub const CASE: Case = Case {
     name: "packing",
     group: "grains",
     title: "frictionless discs of two sizes, compressed isotropically, jam at random close packing and are isostatic",
-    source: "phi 0.841 and z = 4: O'Hern et al. 2003 (Phys. Rev. E 68, 011306: 0.842 for sizes 1:1.4, half of each), Desmond \
-             and Weeks 2009; rigid discs: at most as many contacts as degrees of freedom, less the rotation of the whole; discs that overlap: \
+    source: "phi 0.841 and z = 4: O'Hern et al. 2003 (Phys. Rev. E 68, 011306: 0.842 for sizes 1:1.4, half of each), \
+             Desmond \
+             and Weeks 2009; rigid discs: at most as many contacts as degrees of freedom, less the rotation of the \
+             whole; discs that overlap: \
              z - 4 = 3.6 (phi - phi_c)^(1/2) (O'Hern et al. 2003)",
     run,
 };

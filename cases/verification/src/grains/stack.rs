@@ -13,8 +13,10 @@ use voidage_dem::{Acceleration, Dem, Load, Material, Partner, Settings};
 pub const CASE: Case = Case {
     name: "stack",
     group: "grains",
-    title: "contact k of a stack of N carries (N - k + 1) m g; plain sweeps contract as the theory of Gauss-Seidel says",
-    source: "exact; rate cos^2(pi/(2 N)): Jacobi's iteration is a random walk turned back at the floor and absorbed at the \
+    title: "contact k of a stack of N carries (N - k + 1) m g; plain sweeps contract as the theory of Gauss-Seidel \
+            says",
+    source: "exact; rate cos^2(pi/(2 N)): Jacobi's iteration is a random walk turned back at the floor and absorbed at \
+             the \
              top, Gauss-Seidel has its square (Young 1971, consistently ordered matrices)",
     run,
 };

@@ -17,8 +17,8 @@ pub const IMMERSED: u32 = 4;
 /// behind the voidage.
 pub const APPEARS: u32 = 8;
 
-/// Flag of a mesh: it has periodic sides, and the payload has the lengths of the period and the master of every node behind
-/// the cells of the facets.
+/// Flag of a mesh: it has periodic sides, and the payload has the lengths of the period and the master of every node
+/// behind the cells of the facets.
 pub const JOINED: u32 = 16;
 
 /// What a frame is. The grains ask, the fluid answers each question with one frame.

@@ -62,9 +62,9 @@ pub fn read_state<const D: usize>(
     Ok(fields)
 }
 
-/// Places in the payload of a mesh: nodes, nodes of cells, nodes of facets, cells behind facets; where sides are one the
-/// lengths of the period and the master of every node. Numbers of nodes and
-/// cells are whole numbers of 8 bytes like all others.
+/// Places in the payload of a mesh: nodes, nodes of cells, nodes of facets, cells behind facets; where sides are one
+/// the lengths of the period and the master of every node. Numbers of nodes and cells are whole numbers of 8 bytes like
+/// all others.
 struct MeshLayout {
     points: Range<usize>,
     cells: Range<usize>,

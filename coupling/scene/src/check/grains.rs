@@ -610,8 +610,9 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
     }
 }
 
-/// Two grains that overlap by more than a share of the smaller radius, the first before the second, and by how much; pairs
-/// that are excused do not count. A sweep along x, in a periodic domain also over the images beyond its upper sides.
+/// Two grains that overlap by more than a share of the smaller radius, the first before the second, and by how much;
+/// pairs that are excused do not count. A sweep along x, in a periodic domain also over the images beyond its upper
+/// sides.
 fn overlapping(
     (positions, radii): (&[Vector<2>], &[f64]),
     period: &Period<2>,

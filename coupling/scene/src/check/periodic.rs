@@ -55,7 +55,8 @@ fn placements(scene: &Scene) -> Checked {
     }
 }
 
-/// No wall stands on a periodic side, and each fits in the period beside the largest grain that is known before any is placed.
+/// No wall stands on a periodic side, and each fits in the period beside the largest grain that is known before any is
+/// placed.
 fn walls(scene: &Scene) -> Checked {
     let (Some(periodic), period) = (&scene.periodic, scene.period()) else { return Ok(()) };
     let radii = scene.grains.iter().filter_map(|group| group.radius.as_ref().map(Radius::largest));

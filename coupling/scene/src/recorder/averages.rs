@@ -43,8 +43,9 @@ impl Averages {
         self.samples
     }
 
-    /// Takes a sample: centres, m, velocities, m/s, radii, m, and solid areas, m2, of the discs. What lies outside of the
-    /// box is left out; what lies beyond a periodic side is at the other. In space: seen along the second axis, volumes for areas.
+    /// Takes a sample: centres, m, velocities, m/s, radii, m, and solid areas, m2, of the discs. What lies outside of
+    /// the box is left out; what lies beyond a periodic side is at the other. In space: seen along the second axis,
+    /// volumes for areas.
     pub fn sample<const D: usize>(
         &mut self,
         positions: &[SVector<f64, D>],

@@ -76,7 +76,8 @@ impl Checkpoint {
             "is the checkpoint of another scene (hash {:.12}.., this scene {scene_hash:.12}..)",
             self.stamp.scene_hash
         );
-        let help = "restart with the scene.toml beside the checkpoint; `title`, `time.end`, `stop` and `output` may differ, and \
+        let help = "restart with the scene.toml beside the checkpoint; `title`, `time.end`, `stop` and `output` may \
+                    differ, and \
                     `voidage run` takes changes of many other keys by --set";
         Error::input(Notice::new(what, help).within(self.path.display()))
     }

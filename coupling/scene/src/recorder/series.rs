@@ -23,8 +23,8 @@ impl Series {
         Series::open(path, columns)
     }
 
-    /// Goes on with the file of an earlier run: rows later than `time` are cut off. The columns must be the same, and no
-    /// row before may be damaged.
+    /// Goes on with the file of an earlier run: rows later than `time` are cut off. The columns must be the same, and
+    /// no row before may be damaged.
     pub fn resume(path: &Path, columns: &[String], time: f64) -> Result<Self> {
         if !path.exists() {
             return Series::create(path, columns);

@@ -213,7 +213,8 @@ impl Contents {
             let kept = dimension + 1 >= D;
             if dimension > D || (kept && kind != SIMPLEX[dimension]) {
                 return Err(file.error(format!(
-                    "elements of type {kind} and dimension {dimension}; allowed here are {} of type {} and {} of type {}, \
+                    "elements of type {kind} and dimension {dimension}; allowed here are {} of type {} and {} of type \
+                     {}, \
                      all of first order",
                     ["lines", "triangles", "tetrahedra"][D - 1],
                     SIMPLEX[D],
