@@ -84,7 +84,8 @@ fn pictures_of_damaged_tables_are_not_drawn() {
     good(folder.path(), &["run", "scene.toml", "--quiet", "--out", "out"]);
     let drawn = pictures(&folder.path().join("out"));
     let series = fs::read_to_string(folder.path().join("out/series.csv")).unwrap();
-    let (mean, drop) = (value(&series, 20, "mean_grain_temperature_K"), value(&series, 20, "pressure_drop_Pa"));
+    let (mean, drop) =
+        (value(&series, 20, "mean_grain_temperature_K"), value(&series, 20, "pressure_drop_Pa"));
     let (row, time) = (series.lines().nth(19).unwrap(), value(&series, 20, "time_s"));
     let half = &row[..row.len() / 2];
     let doubled = format!("{time},{}", row.split_once(',').unwrap().1);
@@ -141,8 +142,20 @@ fn a_run_does_not_go_on_behind_a_damaged_series() {
     let (row, mean) = (series.lines().nth(9).unwrap(), value(&series, 10, "mean_grain_temperature_K"));
     let on = ["run", "scene.toml", "--quiet", "--out", "out", "--restart", "out/checkpoint.voidage"];
     refused(folder.path(), "out/series.csv", (10, row, &row[..row.len() / 2]), &on, &[" values for "]);
-    refused(folder.path(), "out/series.csv", (10, mean, "3x2"), &on, &["`mean_grain_temperature_K` is `3x2`"]);
-    refused(folder.path(), "out/series.csv", (10, value(&series, 10, "time_s"), "NaN"), &on, &["`time_s` is NaN"]);
+    refused(
+        folder.path(),
+        "out/series.csv",
+        (10, mean, "3x2"),
+        &on,
+        &["`mean_grain_temperature_K` is `3x2`"],
+    );
+    refused(
+        folder.path(),
+        "out/series.csv",
+        (10, value(&series, 10, "time_s"), "NaN"),
+        &on,
+        &["`time_s` is NaN"],
+    );
     good(folder.path(), &on);
     let after = fs::read_to_string(folder.path().join("out/series.csv")).unwrap();
     assert!(after.starts_with(&series) && after.lines().count() == 42, "{}", after.lines().count());
@@ -174,7 +187,7 @@ fn a_study_does_not_use_damaged_runs() {
     }
     fs::write(folder.path().join(table), measured.replacen("wall_s", "wall", 1)).unwrap();
     let (code, text) = said(folder.path(), &study);
-    assert!(code == Some(2) && text.contains("measured.csv: missing field `wall_s`"), "{text}");
+    assert!(code == Some(2) && text.contains("measured.csv:2: missing field `wall_s`"), "{text}");
     // The file of a part, which another machine has written, is read as carefully.
     fs::write(folder.path().join("out/measured-0-of-2.csv"), damaged(&measured, (3, wall, "NaN"))).unwrap();
     fs::write(folder.path().join(table), &measured).unwrap();
@@ -204,7 +217,7 @@ fn a_stability_map_does_not_go_on_behind_damaged_points() {
         ["x", "measured", "version", "form"].map(|name| value(&points, 3, name));
     let cases: &[(Damage, &[&str])] = &[
         ((3, row, &row[..row.len() / 2]), &[" values for "]),
-        ((3, ",passes,", ",fails,"), &["`verdict`"]),
+        ((3, ",passes,", ",fails,"), &["unknown variant `fails`"]),
         ((3, measured, "NaN"), &["the row has changed since it was written"]),
         ((3, x, "1x"), &["`x` is `1x`"]),
         ((3, &format!(",{version},"), ",0.0.1,"), &["`form` and `version`", "0.0.1"]),
@@ -215,7 +228,11 @@ fn a_stability_map_does_not_go_on_behind_damaged_points() {
         refused(folder.path(), table, *damage, &map, says);
     }
     good(folder.path(), &map);
-    assert_eq!(fs::read_to_string(folder.path().join(table)).unwrap(), points, "points that are there are kept");
+    assert_eq!(
+        fs::read_to_string(folder.path().join(table)).unwrap(),
+        points,
+        "points that are there are kept"
+    );
 }
 
 /// The tables of a verification are written anew: what stands there before is not used.

@@ -13,6 +13,9 @@ use voidage_coupling::{Error, Notice, Result};
 const CHECK: &str = "check";
 /// What a reader can do about a damaged row.
 const DAMAGED: &str = "remove this line, and what it stands for is done again; or give another --out";
+/// What a reader can do about a row that may be damaged, in a file that may be another table.
+const UNKNOWN: &str =
+    "it was damaged, or is of another program or version: remove the line or the file, or give another --out";
 /// What a reader can do about a file that is another table.
 const OTHER: &str = "it is of another program or version: remove it, or give another --out";
 
@@ -149,7 +152,10 @@ fn rows<T: DeserializeOwned>(
                     let (name, value) = (&names[field], &values[field]);
                     damaged(line, format!("`{name}` is `{value}`: {}", err.kind()))
                 }
-                None => Error::input(Notice::new(format!("{}: {}", path.display(), err.kind()), OTHER)),
+                None => {
+                    let what = format!("{}:{line}: {}", path.display(), err.kind());
+                    Error::input(Notice::new(what, UNKNOWN))
+                }
             },
             _ => damaged(line, error.to_string()),
         })?;
@@ -319,7 +325,7 @@ mod tests {
         check(&text.replacen("x,1.0,", "x,one,", 1), &["table.csv:2: ", "`value` is `one`"]);
         check(&text.replacen("x,1.0,", "x,NaN,", 1), &["table.csv:2: ", "checksum", "x,NaN,"]);
         check(&text.replacen("x,1.0,", "x\nx,1.0,", 1), &["table.csv:2: ", "1 values for 4 columns: `x`"]);
-        check(&text.replacen("value", "values", 1), &["table.csv: missing field `value`"]);
+        check(&text.replacen("value", "values", 1), &["table.csv:2: missing field `value`"]);
         check(&text.replacen(",check", "", 1), &["table.csv:1: ", "its last column is `note`"]);
         // A table of other columns that has no rows yet.
         std::fs::write(&path, "name,check\n").unwrap();

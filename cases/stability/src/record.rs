@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use voidage_campaign::Effort;
 use voidage_campaign::table::Table;
-use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::Result;
+use voidage_coupling::scheme::SchemeName;
 
 /// A point as it stands in the table.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -177,7 +177,10 @@ mod tests {
         drop(record);
         let error = Record::open(folder.path(), Effort::Full).err().expect("it holds quick points");
         let said = error.to_string();
-        assert!(said.contains("stability.csv:2: ") && said.contains("`form` and `version` are `quick`"), "{said}");
+        assert!(
+            said.contains("stability.csv:2: ") && said.contains("`form` and `version` are `quick`"),
+            "{said}"
+        );
         assert!(Record::open(folder.path(), Effort::Quick).unwrap().has(&axis, scheme, [1.0, 2.0]));
     }
 }

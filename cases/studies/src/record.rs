@@ -116,9 +116,10 @@ impl Row {
         }
         let no_number = |value: &&str| value.parse::<f64>().is_err();
         let value = self.values.split([';', ' ']).filter(|value| !value.is_empty()).find(no_number);
-        let phase = self.phases.split_whitespace().find(|pair| {
-            pair.split_once('=').is_none_or(|(_, seconds)| seconds.parse::<f64>().is_err())
-        });
+        let phase = self
+            .phases
+            .split_whitespace()
+            .find(|pair| pair.split_once('=').is_none_or(|(_, seconds)| seconds.parse::<f64>().is_err()));
         let what = |name: &str, value: &str| format!("`{name}` holds `{value}`, which is no number");
         value.map(|value| what("values", value)).or_else(|| phase.map(|phase| what("phases", phase)))
     }

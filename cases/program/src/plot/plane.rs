@@ -99,7 +99,8 @@ impl Plane {
         let [main, _] = layout.outer();
         let wide = main + BAR * scales.len() as u32;
         let places = places(legend, wide - layout.left.min(wide));
-        layout.legend = places.last().map_or(0, |[_, row]| LEGEND_GAP + (row + 1) * ROW_HEIGHT + ROW_HEIGHT / 4);
+        layout.legend =
+            places.last().map_or(0, |[_, row]| LEGEND_GAP + (row + 1) * ROW_HEIGHT + ROW_HEIGHT / 4);
         let high = layout.outer()[1];
         let mut canvas = Canvas::new(wide, high);
         let (panes, bars) = canvas.draw(path, |area| {
@@ -183,7 +184,12 @@ impl Plane {
     }
 
     /// Draws arrows from point to point, m, in a colour with a rim of another one, so that they are seen on any field.
-    pub fn arrows(&mut self, arrows: Vec<([f64; 2], [f64; 2])>, colour: RGBColor, rim: RGBColor) -> Result<()> {
+    pub fn arrows(
+        &mut self,
+        arrows: Vec<([f64; 2], [f64; 2])>,
+        colour: RGBColor,
+        rim: RGBColor,
+    ) -> Result<()> {
         let mut lines = Vec::new();
         for (from, to) in arrows {
             let along = [to[0] - from[0], to[1] - from[1]];

@@ -81,7 +81,10 @@ impl Table {
             x[*square] == x[column] && y[*square] == y[row] && (*square < wide || y[*square] > y[row - 1])
         };
         if let Some(square) = (0..x.len()).find(|square| !placed(square)) {
-            let what = format!("`x_m` and `y_m` are {} and {}, off the grid of the rows before", x[square], y[square]);
+            let what = format!(
+                "`x_m` and `y_m` are {} and {}, off the grid of the rows before",
+                x[square], y[square]
+            );
             return Err(table.wrong(square, what));
         }
         if x.is_empty() || !x.len().is_multiple_of(wide) {
@@ -115,12 +118,15 @@ impl Table {
             }
             for ((name, value), column) in table.names.iter().zip(values).zip(&mut table.columns) {
                 let number = value.parse();
-                column.push(number.map_err(|_| at(line, format!("`{name}` is `{value}`, which is no number")))?);
+                column.push(
+                    number.map_err(|_| at(line, format!("`{name}` is `{value}`, which is no number")))?,
+                );
             }
             table.lines.push(line);
         }
         if !rest.is_empty() {
-            let (line, rest) = (whole.iter().filter(|byte| **byte == b'\n').count() + 1, String::from_utf8_lossy(rest));
+            let (line, rest) =
+                (whole.iter().filter(|byte| **byte == b'\n').count() + 1, String::from_utf8_lossy(rest));
             warn!("{}:{line}: half a row, which is left out: `{rest}`", path.display());
         }
         Ok(table)

@@ -45,7 +45,8 @@ impl Series {
         for (line, number) in lines.zip(2..) {
             let at = read_row(line, columns, last).map_err(|what| {
                 let what = format!("{}:{number}: {what}", path.display());
-                let help = "it was damaged or changed: repair this row, or restart into another folder with --out";
+                let help =
+                    "it was damaged or changed: repair this row, or restart into another folder with --out";
                 Error::input(Notice::new(what, help))
             })?;
             if at > time {
