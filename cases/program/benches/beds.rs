@@ -23,7 +23,7 @@ const MOST_ROWS: f64 = 400.0;
 /// Steps of the cold start, and at rest.
 const COLD: usize = 1;
 const REST: usize = 20;
-/// The bed has settled when so many steps in a row took no sweep; so many steps at most.
+/// The bed has settled when no grain has moved in so many steps in a row; so many steps at most.
 const STILL: usize = 10;
 const SETTLING: usize = 1000;
 /// The disc that is dropped: its diameter in those of the bed, and its speed, m/s.
@@ -60,8 +60,8 @@ struct Phase {
 }
 
 impl Phase {
-    /// So many steps of a bed, or fewer if `STILL` of them in a row took no sweep and it shall only `settle`; the disc, its
-    /// last grain, hovers if `parked`.
+    /// So many steps of a bed, or fewer if nothing has moved in `STILL` of them in a row and it shall only `settle`; the
+    /// disc, its last grain, hovers if `parked`.
     fn of(dem: &mut Dem<2>, steps: usize, settle: bool, parked: bool) -> Self {
         let mut phase = Self::default();
         let disc = dem.particles.len() - 1;
@@ -69,10 +69,10 @@ impl Phase {
         let mut still = 0;
         while phase.seconds.len() < steps && !(settle && still == STILL) {
             let start = Instant::now();
-            let sweeps = dem.step(STEP, &Load::default()).sweeps;
+            phase.sweeps += dem.step(STEP, &Load::default()).sweeps;
             phase.seconds.push(start.elapsed().as_secs_f64());
-            phase.sweeps += sweeps;
-            still = if sweeps == 0 { still + 1 } else { 0 };
+            let rests = dem.particles.velocity[..disc].iter().all(|v| *v == at(0.0, 0.0));
+            still = if rests { still + 1 } else { 0 };
             if parked {
                 (dem.particles.position[disc], dem.particles.velocity[disc]) = (place, at(0.0, 0.0));
             }
