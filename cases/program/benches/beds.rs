@@ -20,10 +20,12 @@ const STEP: f64 = 5e-4;
 const DIAMETER: f64 = 50e-6;
 const FRICTION: f64 = 0.3;
 const MOST_ROWS: f64 = 400.0;
-/// Steps of the cold start, until the bed rests, and at rest.
+/// Steps of the cold start, and at rest.
 const COLD: usize = 1;
-const SETTLING: usize = 200;
 const REST: usize = 20;
+/// The bed has settled when no grain has moved in so many steps in a row; so many steps at most.
+const STILL: usize = 10;
+const SETTLING: usize = 1000;
 /// The disc that is dropped: its diameter in those of the bed, and its speed, m/s.
 const HEAVY: f64 = 50.0;
 const SPEED: f64 = 0.17;
@@ -58,15 +60,19 @@ struct Phase {
 }
 
 impl Phase {
-    /// Steps of a bed; the disc, its last grain, hovers if `parked`.
-    fn of(dem: &mut Dem<2>, steps: usize, parked: bool) -> Self {
+    /// So many steps of a bed, or fewer if nothing has moved in `STILL` of them in a row and it shall only `settle`; the
+    /// disc, its last grain, hovers if `parked`.
+    fn of(dem: &mut Dem<2>, steps: usize, settle: bool, parked: bool) -> Self {
         let mut phase = Self::default();
         let disc = dem.particles.len() - 1;
         let place = dem.particles.position[disc];
-        for _ in 0..steps {
+        let mut still = 0;
+        while phase.seconds.len() < steps && !(settle && still == STILL) {
             let start = Instant::now();
             phase.sweeps += dem.step(STEP, &Load::default()).sweeps;
             phase.seconds.push(start.elapsed().as_secs_f64());
+            let rests = dem.particles.velocity[..disc].iter().all(|v| *v == at(0.0, 0.0));
+            still = if rests { still + 1 } else { 0 };
             if parked {
                 (dem.particles.position[disc], dem.particles.velocity[disc]) = (place, at(0.0, 0.0));
             }
@@ -112,15 +118,15 @@ fn bed(count: usize, impact: usize) {
     grains.append(Particles::new(vec![above], vec![radius], vec![0], &materials).expect("a disc"));
     let mut dem = Dem::new(grains.rotating(), walls(width), materials, Settings::default())
         .expect("the scene is valid");
-    Phase::of(&mut dem, COLD, true).print("cold start", count, 0.0);
-    Phase::of(&mut dem, SETTLING, true).print("settling", count, 0.0);
-    let rest = Phase::of(&mut dem, REST, true);
+    Phase::of(&mut dem, COLD, false, true).print("cold start", count, 0.0);
+    Phase::of(&mut dem, SETTLING, true, true).print("settling", count, 0.0);
+    let rest = Phase::of(&mut dem, REST, false, true);
     rest.print("at rest", count, (resident() - before) / count as f64);
     let disc = dem.particles.position.pop().expect("the disc is the last");
     let top = highest(&dem.particles);
     dem.particles.position.push(at(disc.x, top + radius + DIAMETER));
     dem.particles.velocity[count] = at(0.0, -SPEED);
-    Phase::of(&mut dem, impact, false).print("impact", count, 0.0);
+    Phase::of(&mut dem, impact, false, false).print("impact", count, 0.0);
 }
 
 /// Height of the highest centre, m.

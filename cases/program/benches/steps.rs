@@ -41,7 +41,7 @@ const CASES: [Case; 8] = [
     scene("quick-bed", "bubbling-bed/scene-quick.toml", 1e-3, 300, 100),
     scene("migflow-bed", "bubbling-bed/scene-migflow.toml", 1e-3, 300, 100),
     scene("collapse", "program/benches/scenes/collapse.toml", 1e-3, 10, 10),
-    scene("suspension", "program/benches/scenes/suspension.toml", 8e-3, 20, 60),
+    scene("suspension", "program/benches/scenes/suspension.toml", 8e-3, 5, 10),
     scene("tall-gas", "program/benches/scenes/tall-gas.toml", 5e-4, 160, 20),
 ];
 
