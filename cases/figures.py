@@ -16,43 +16,9 @@ import xml.etree.ElementTree as tree
 from bisect import bisect
 from pathlib import Path
 
-# U. Ghia, K. N. Ghia, C. T. Shin, J. Comput. Phys. 48, 387 (1982), for Re 100 and 400: u at x = 0.5 over y (Table I), v
-# at y = 0.5 over x (Table II, without the misprint of Re 400 at 0.9063).
-ALONG_Y = {
-    0.0547: (-0.03717, -0.08186),
-    0.0625: (-0.04192, -0.09266),
-    0.0703: (-0.04775, -0.10338),
-    0.1016: (-0.06434, -0.14612),
-    0.1719: (-0.10150, -0.24299),
-    0.2813: (-0.15662, -0.32726),
-    0.4531: (-0.21090, -0.17119),
-    0.5: (-0.20581, -0.11477),
-    0.6172: (-0.13641, 0.02135),
-    0.7344: (0.00332, 0.16256),
-    0.8516: (0.23151, 0.29093),
-    0.9531: (0.68717, 0.55892),
-    0.9609: (0.73722, 0.61756),
-    0.9688: (0.78871, 0.68439),
-    0.9766: (0.84123, 0.75837),
-}
-ALONG_X = {
-    0.0625: (0.09233, 0.18360),
-    0.0703: (0.10091, 0.19713),
-    0.0781: (0.10890, 0.20920),
-    0.0938: (0.12317, 0.22965),
-    0.1563: (0.16077, 0.28124),
-    0.2266: (0.17507, 0.30203),
-    0.2344: (0.17527, 0.30174),
-    0.5: (0.05454, 0.05186),
-    0.8047: (-0.24533, -0.38598),
-    0.8594: (-0.22445, -0.44993),
-    0.9063: (-0.16914, None),
-    0.9453: (-0.10313, -0.22847),
-    0.9531: (-0.08864, -0.19254),
-    0.9609: (-0.07391, -0.15663),
-    0.9688: (-0.05906, -0.12146),
-}
-
+# Velocities on the centre lines of the cavity, u first and then v, by U. Ghia, K. N. Ghia, C. T. Shin, J. Comput. Phys.
+# 48, 387 (1982).
+KNOWN = Path(__file__).parent / "cavity" / "centre-lines.csv"
 
 def series(folder: Path, *columns: str) -> list[tuple[float, ...]]:
     """Columns of series.csv, row by row."""
@@ -91,17 +57,20 @@ def mean(folder: Path, name: str, begin: float, end: float) -> None:
 
 
 def cavity(folder: Path, reynolds: int) -> None:
-    k = {100: 0, 400: 1}[reynolds]
     frame = frames(folder, "fluid.pvd")[-1][1]
     nodes = list(zip(column(frame, "points"), column(frame, "velocity_m_per_s"), strict=True))
-    out = csv.writer(sys.stdout, lineterminator="\n")
-    out.writerow(["reynolds", "line", "place_m", "known_m_per_s", "scene_m_per_s", "difference_m_per_s"])
-    for name, across, table in [("u at x = 0.5 over y", 0, ALONG_Y), ("v at y = 0.5 over x", 1, ALONG_X)]:
-        line = sorted((at[1 - across], velocity[across]) for at, velocity in nodes if abs(at[across] - 0.5) < 1e-9)
-        for place, values in table.items():
-            if (known := values[k]) is not None:
-                found = between(line, place)
-                out.writerow([reynolds, name, place, known, f"{found:.5f}", f"{found - known:.5f}"])
+    with open(KNOWN, encoding="utf-8") as file:
+        known = [row for row in csv.DictReader(file) if int(row["reynolds"]) == reynolds]
+    out = csv.DictWriter(sys.stdout, known[0], lineterminator="\n")
+    out.writeheader()
+    lines = {}
+    for across, name in enumerate(dict.fromkeys(row["line"] for row in known)):
+        line = ((at[1 - across], velocity[across]) for at, velocity in nodes if abs(at[across] - 0.5) < 1e-9)
+        lines[name] = sorted(line)
+    for row in known:
+        found = between(lines[row["line"]], float(row["place_m"]))
+        difference = found - float(row["known_m_per_s"])
+        out.writerow({**row, "scene_m_per_s": f"{found:.5f}", "difference_m_per_s": f"{difference:.5f}"})
 
 
 def heap(folder: Path) -> None:

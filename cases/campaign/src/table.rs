@@ -185,14 +185,14 @@ fn record<T: Serialize>(row: &T) -> csv::Result<(StringRecord, StringRecord)> {
     Ok((names, values))
 }
 
-/// A checksum of the names and the values of a row: 64 bits, by the method of Fowler, Noll and Vo (FNV-1a).
+/// A checksum of the names and the values of a row, of 64 bits.
 fn checksum(names: &StringRecord, values: &StringRecord) -> String {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    // A byte that no text has parts the fields.
-    for byte in names.iter().chain(values).flat_map(|field| field.bytes().chain([0xff])) {
-        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    let mut hasher = blake3::Hasher::new();
+    for field in names.iter().chain(values) {
+        // A byte that no text has parts the fields.
+        hasher.update(field.as_bytes()).update(&[0xff]);
     }
-    format!("{hash:016x}")
+    hasher.finalize().to_hex()[..16].to_owned()
 }
 
 fn other_columns(path: &Path, header: &StringRecord) -> Error {

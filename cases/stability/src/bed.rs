@@ -7,9 +7,9 @@
 //! height ([`Bed::law`]). The drop is taken from the balance of momentum: it is what the fluid carries of the grains,
 //! per width, less what it gives up of its own momentum. The pressures on the nodes of the inflow are not that: with
 //! steps much shorter than h^2 / nu the pressure stabilisation, which shrinks as the step does, leaves them to
-//! alternate from row to row (by 1.6 % of the weight in water with dt/tau = 1e-3). `henry-free` gives (D + kappa W)/(1
-//! + kappa) with kappa = beta dt/(eps^2 phi rho_p), and `henry` is unstable when A (B - 1) > 2 (1 + B): see
-//! `voidage_coupling::scheme::henry`.
+//! alternate from row to row (by 1.6 % of the weight in water with dt/tau = 1e-3). `henry-free` gives
+//! (D + kappa W)/(1 + kappa) with kappa = beta dt/(eps^2 phi rho_p), and `henry` is unstable when
+//! A (B - 1) > 2 (1 + B): see `voidage_coupling::scheme::henry`.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use std::collections::VecDeque;

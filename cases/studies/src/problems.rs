@@ -115,8 +115,8 @@ impl Problem for Manufactured {
     fn check(&self) -> Result<(), Fault> {
         match (&self.solver, self.squares) {
             (Solver::Serve | Solver::Attach(_), _) => {
-                let help = "sources go to solvers in this process or in Python: rust, fenicsx, scikit-fem or {python = \
-                            ..}";
+                let help = "sources go to solvers in this process or in Python: rust, fenicsx, scikit-fem or \
+                            {python = ..}";
                 outside("solver", self.solver.name(), help)
             }
             (_, 0 | 1) => outside("squares", self.squares, "give 2 or more"),
