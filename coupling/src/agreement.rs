@@ -60,7 +60,8 @@ pub struct Agreement {
     pub heat_disagreement: f64,
     /// Whether both are within the tolerance; always for schemes that solve the fluid once.
     pub converged: bool,
-    /// The grains that disagree most and |v - v*| of each, m/s; the worst first, `None` where fewer disagree.
+    /// The grains that disagree most and the larger |v - v*| of each, that of momentum (the force that the fluid did
+    /// not lose, over gamma) or of the solid flux, m/s; the worst first, `None` where fewer disagree.
     pub worst: [Option<(u32, f64)>; 3],
     /// How far the grain that moved furthest did so in a part of the step, in its diameters.
     pub travel: f64,
@@ -99,7 +100,9 @@ impl<const D: usize> Comparison<'_, D> {
             if let Some(place) = most.iter().position(|&other| worth > other) {
                 most[place..].rotate_right(1);
                 agreement.worst[place..].rotate_right(1);
-                (most[place], agreement.worst[place]) = (worth, Some((i as u32, velocity.norm())));
+                let drag = self.load.drag[i];
+                let slip = if drag > 0.0 { force.norm() / drag } else { 0.0 };
+                (most[place], agreement.worst[place]) = (worth, Some((i as u32, velocity.norm().max(slip))));
             }
         }
         agreement.disagreement = share(sum, scale);

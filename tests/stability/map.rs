@@ -122,6 +122,24 @@ fn a_step_that_does_not_converge_is_halved() {
     assert!(complaint.help.contains("cut as far as") && !complaint.help.contains("= {}"), "{complaint}");
 }
 
+/// Half of what earlier steps carry counted against a step whatever its iterations did: after one that was far off, a
+/// step went through all the solutions allowed and never agreed.
+#[test]
+fn a_step_after_one_that_did_not_agree_agrees() {
+    let mut simulation = bed();
+    let coupled = simulation.coupled_mut();
+    let step = |coupled: &mut Coupled<2>, iteration: Iteration| {
+        coupled.set_scheme(SchemeName::Iterated.build(&iteration, None));
+        coupled.step(4e-3).expect("a step").agreement.expect("both")
+    };
+    let once = || Iteration { tolerance: 1e-300, most: 1, ..Iteration::default() };
+    let far = (0..2).map(|_| step(coupled, once())).last().expect("steps");
+    let tolerance = far.disagreement / 8.0;
+    assert!(tolerance > 1e-8, "{far:?} tests nothing");
+    let next = step(coupled, Iteration { tolerance, ..Iteration::default() });
+    assert!(next.converged && next.solves > 1, "{next:?} after {far:?}");
+}
+
 /// A grain that flies far in a step is pushed all the way as where it was. In parts it ends nearer to where short steps
 /// take it, and the force of the step, the mean over them, is what moved it.
 #[test]

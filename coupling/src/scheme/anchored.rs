@@ -166,13 +166,14 @@ pub fn velocity_offset<const D: usize>(impulse: Vector<D>, drag: f64) -> Vector<
 
 impl Anchor {
     /// Fills the laws of the load around the response of the grains, which have just moved under `forcing` in
-    /// `substeps`. Where `cautious`, no grain counts as held.
+    /// `substeps`. Where `cautious`, no grain counts as held. The fluid gets the share `returned` of
+    /// the impulse and heat that are carried.
     pub fn fill<const D: usize>(
         &mut self,
         mixture: &mut Mixture<D>,
         forcing: &Forcing<D>,
         (part, substeps): (Part, usize),
-        cautious: bool,
+        (cautious, returned): (bool, f64),
     ) {
         let Mixture { grains, interaction, .. } = mixture;
         grains.bonds(&mut self.bonds);
@@ -197,12 +198,12 @@ impl Anchor {
             let around = |mobility: f64| (mobility, response[i] - forcing.force[i] * mobility);
             (flux.mobility[i], flux.velocity[i]) = around(mass);
             (load.mobility[i], load.velocity[i]) = around(momentum);
-            load.velocity[i] -= velocity_offset(carried.impulse[i] * RETURNED, drag * whole);
+            load.velocity[i] -= velocity_offset(carried.impulse[i] * returned, drag * whole);
             let inertia = interaction.laws.density * load.volume[i] / dt;
             let confined = confinement(free, drag, inertia, interaction.voidage[i]);
             flux.velocity[i] -= carried.displacement[i] * (RETURNED / (1.0 + confined) / whole);
         }
-        self.fill_heat(grains, interaction, forcing, (part, substeps));
+        self.fill_heat(grains, interaction, forcing, (part, substeps), returned);
         let Interaction { wet, load, .. } = interaction;
         if let Some(wet) = wet {
             let (velocity, temperature) = (grains.mean_velocity(), grains.mean_temperature());
@@ -218,6 +219,7 @@ impl Anchor {
         interaction: &mut Interaction<D>,
         forcing: &Forcing<D>,
         (Part { dt, whole }, substeps): (Part, usize),
+        returned: f64,
     ) {
         let Interaction { load, carried, wet, .. } = interaction;
         let (Some(law), Some(heat)) = (&mut load.heat, &grains.particles.heat) else { return };
@@ -230,7 +232,7 @@ impl Anchor {
             let inertia = capacity * substeps as f64 / dt + transfer;
             let contacts = conductance.next().unwrap_or(0.0);
             let mobility = inertia / (inertia + contacts) * slope(capacity, transfer, dt, substeps);
-            let offset = law.temperature_offset(carried.heat[i] * RETURNED, whole, i);
+            let offset = law.temperature_offset(carried.heat[i] * returned, whole, i);
             (law.mobility[i], law.temperature[i]) =
                 (mobility, response[i] - mobility * forcing.heat[i] - offset);
         }

@@ -7,9 +7,11 @@
 //!
 //! **Agreement** is measured by what the difference of velocity is worth to the fluid, (gamma + rho_f V/dt) |v - v*|,
 //! over all grains against their weight and force ([`crate::Agreement`]); of heat by hA |T - T*|, as far as it is
-//! beyond the accuracy of the temperatures, against hA times their range.
+//! beyond the accuracy of the temperatures, against hA times their range. What is carried from earlier steps counts
+//! too. The first solution gives the fluid half of it, as the stability of `anchored` asks for; further ones give it
+//! all, because with less a step could not agree whose last one was further off than twice the tolerance.
 
-use super::anchored::{Anchor, Forcing};
+use super::anchored::{Anchor, Forcing, RETURNED};
 use super::cut::{Part, Trial};
 use super::relaxation::{Relaxation, Relaxer};
 use crate::agreement::{Comparison, Temperatures};
@@ -77,7 +79,8 @@ impl<const D: usize> Trial<D> for Iterated<D> {
         loop {
             solves += 1;
             let substeps = report.grains.map_or(1, |grains| grains.substeps);
-            self.anchor.fill(mixture, &self.forcing, (part, substeps), cautious);
+            let returned = if solves == 1 { RETURNED } else { 1.0 };
+            self.anchor.fill(mixture, &self.forcing, (part, substeps), (cautious, returned));
             mixture.solve_fluid(dt, report)?;
             self.answer.read(mixture);
             mixture.drive_grains(dt, &self.answer, report)?;
