@@ -104,6 +104,16 @@ fn what_a_run_would_refuse_is_refused() {
         ("materials.glas.density=1.0", ["nothing is made of `materials.glas`", "[\"glass\"]"]),
         ("walls.left.name=right", ["another wall has this name", "walls["]),
         ("output.average.cell=1e-9", ["output.average.cell", "squares"]),
+        ("output.probes=[{ name = 'far', at = [1.0, 1.0] }]", ["\"far\" lies outside", "where fluid is"]),
+        (
+            "output.probes=[{ name = 'a b', at = [1e-2, 1e-2] }, { name = 'a_b', at = [1e-2, 1e-2] }]",
+            ["output.probes[1].name", "name of its own"],
+        ),
+        ("output.probes=[{ name = 'a' }]", ["output.probes[0]", "a point, a line or a box"]),
+        (
+            "output.probes=[{ name = 'a', line = { from = [1e-2, 1e-2], to = [1e-2, 1e-2] } }]",
+            ["output.probes[0].line", "no length"],
+        ),
         ("fluid.mesh.rectangle.size=2.5e-6", ["triangles", "larger size"]),
         (
             "fluid.mesh.rectangle.refine=[{ around = { point = [5e-3, 1e-2] }, size = 1e-8, within = 1e-3 }]",

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use voidage_coupling::scheme::SchemeName;
 use voidage_scene::recorder::{column_name, readings};
-use voidage_scene::{Placement, Scene, Simulation};
+use voidage_scene::{Coordinates, MeshSource, Placement, Probe, ProbeBox, Scene, Simulation};
 
 fn voidage() -> Command {
     Command::new(env!("CARGO_BIN_EXE_voidage"))
@@ -104,6 +104,14 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
             }
         }
         scene.output.stress = !scene.grains.is_empty();
+        if let Some(mesh) = scene.fluid.as_ref().and_then(|fluid| match &fluid.mesh {
+            MeshSource::Rectangle(rectangle) => Some(rectangle),
+            MeshSource::File(_) => None,
+        }) {
+            let corner = |x: [f64; 2]| Coordinates(x.to_vec());
+            let within = Some(ProbeBox { lower: corner(mesh.lower), upper: corner(mesh.upper) });
+            scene.output.probes = vec![Probe { name: "all".into(), within, ..Probe::default() }];
+        }
         let walls: Vec<String> = scene.walls.iter().map(|wall| wall.name.clone()).collect();
         let fluid = scene.fluid.as_ref();
         let boundaries = fluid.iter().flat_map(|fluid| &fluid.boundaries).map(|part| part.name.clone());
@@ -122,6 +130,7 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
             ("SCALAR", scalars),
             ("SOURCE", sources.collect()),
             ("SINK", sinks),
+            ("PROBE", scene.output.probes.iter().map(|probe| probe.name.clone()).collect()),
         ];
         let mut simulation = Simulation::new(&scene).unwrap_or_else(|error| panic!("{case}: {error}"));
         simulation.refresh().unwrap();

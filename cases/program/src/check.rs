@@ -7,6 +7,7 @@ use std::path::Path;
 use voidage_campaign::process::catch_interrupts;
 use voidage_coupling::Result;
 use voidage_remote::launch::Host;
+use voidage_scene::probes::check_probes;
 use voidage_scene::recorder::check_averages;
 use voidage_scene::{Amount, MeshSource, Placement, Rate, Scene, Simulation};
 
@@ -38,6 +39,8 @@ pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     part("  heat exchange", scene.coupling.as_ref().and_then(|coupling| coupling.heat.as_ref()), name);
     let output = &scene.output;
     part("pressure drop", output.pressure_drop.as_ref(), |drop| format!("from {} to {}", drop.from, drop.to));
+    let probes: Vec<&str> = output.probes.iter().map(|probe| probe.name.as_str()).collect();
+    part("probes", (!probes.is_empty()).then_some(&probes), |probes| probes.join(", "));
     part("averages", output.average.as_ref(), |average| {
         format!("{} to {} s on squares of {} m", average.from, average.to, average.cell)
     });
@@ -69,6 +72,7 @@ fn build(scene: &Scene) -> Result<Simulation> {
     placing::tell(&placing.beds);
     run::check_stop(scene, &simulation)?;
     check_averages(scene, &simulation.view())?;
+    check_probes(scene, &simulation.view())?;
     let mesh = simulation.coupled().fluid().map(|fluid| &fluid.mesh);
     match mesh.and_then(|mesh| closed_inflow(scene, mesh)) {
         None => Ok(simulation),

@@ -18,6 +18,7 @@ use voidage_dem::Rounded;
 use voidage_remote::launch::{Host, check_door};
 use voidage_remote::token::{TOKEN_VARIABLE, Token};
 use voidage_scene::Simulation;
+use voidage_scene::probes::check_probes;
 use voidage_scene::recorder::{
     CHECKPOINT, Checkpoint, Earlier, OutputFolder, Recording, Stamp, Summary, readings,
 };
@@ -246,6 +247,7 @@ impl Run {
                 simulation.refresh().map_err(at_start)?;
                 let (view, readings) = (simulation.view(), simulation.readings());
                 check_stop(scene, &simulation)?;
+                check_probes(scene, &view)?;
                 let recording = Recording::start(output, scene, &view, &readings, None)?;
                 (simulation, recording)
             }
@@ -264,6 +266,7 @@ impl Run {
                 simulation.refresh()?;
                 let (view, readings) = (simulation.view(), simulation.readings());
                 check_stop(scene, &simulation)?;
+                check_probes(scene, &view)?;
                 let recording = match same {
                     true => Recording::resume(output, scene, &view, &readings, &checkpoint)?,
                     false => Recording::start(output, scene, &view, &readings, Some(&checkpoint))?,

@@ -21,6 +21,7 @@ mod origin;
 mod output;
 mod periodic;
 pub mod placing;
+pub mod probes;
 mod read;
 pub mod recorder;
 mod schema;
@@ -42,7 +43,7 @@ pub use grains::{
     RosinRammler, Rotation, Sieve, Sink, StateFile, Wall,
 };
 pub use origin::Origin;
-pub use output::{Average, Output, PressureDrop};
+pub use output::{Average, Output, PressureDrop, Probe, ProbeBox, ProbeLine};
 pub use periodic::Periodic;
 pub use schema::json_schema;
 pub use simulation::Simulation;

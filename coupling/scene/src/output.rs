@@ -1,5 +1,6 @@
 //! The table of what a run records.
 
+use crate::Coordinates;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +27,9 @@ pub struct Output {
     /// The two boundaries between which the pressure drop is recorded. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pressure_drop: Option<PressureDrop>,
+    /// Places whose fields and grains are recorded in every row of series.csv, as `[[output.probes]]`. Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub probes: Vec<Probe>,
     /// Whether frames have the contacts that carry a force (contacts.pvd): lines from grain to grain with normal and
     /// tangential force, gap, heat and age, and `voidage plot` draws the force chains. Default false.
     pub contacts: bool,
@@ -57,4 +61,42 @@ pub struct PressureDrop {
     pub from: String,
     /// Name of the downstream boundary.
     pub to: String,
+}
+
+/// A place whose fields and grains are recorded: a point, a line or a box.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Probe {
+    /// Name, which the columns have: `probe_NAME_pressure_Pa`.
+    pub name: String,
+    /// A point, m: the fields of the fluid there. Either this, `line` or `box`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at: Option<Coordinates>,
+    /// A line: means of the fields of the fluid along it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub line: Option<ProbeLine>,
+    /// A box: means of the fields of the fluid in it, number of the grains with their centre in it, and solid share,
+    /// velocity, granular temperature and temperature of the solid in it.
+    #[serde(default, rename = "box", skip_serializing_if = "Option::is_none")]
+    pub within: Option<ProbeBox>,
+}
+
+/// A straight line.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProbeLine {
+    /// One end, m.
+    pub from: Coordinates,
+    /// The other end, m.
+    pub to: Coordinates,
+}
+
+/// A box along the axes.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProbeBox {
+    /// Lower left corner, m.
+    pub lower: Coordinates,
+    /// Upper right corner, m.
+    pub upper: Coordinates,
 }

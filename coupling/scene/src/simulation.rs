@@ -4,6 +4,7 @@ use crate::build;
 use crate::compare::{Findings, SideBySide};
 use crate::network::{self, Network, Since};
 use crate::placing::Placing;
+use crate::probes;
 use crate::recorder::{Checkpoint, FluidView, GrainView, Reading, Summary, View, column_name};
 use crate::totals::{Overlap, Totals};
 use crate::{Output, Scene};
@@ -552,6 +553,9 @@ impl Simulation {
                 readings.push(("fluid_to_grain_heat_W_per_m".into(), interaction.heat.iter().sum()));
                 readings.push(("energy_exchange_defect".into(), defect));
             }
+        }
+        if !self.output.probes.is_empty() {
+            readings.extend(probes::readings(&self.output.probes, &self.view()));
         }
         readings
     }

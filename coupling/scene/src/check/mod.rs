@@ -6,6 +6,7 @@ mod passage;
 mod periodic;
 
 use super::{Coordinates, Scene, SceneError};
+use crate::recorder::column_name;
 use voidage_coupling::TEMPERATURE;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::relaxation::Relaxation;
@@ -238,6 +239,44 @@ fn output(scene: &Scene) -> Checked {
         {
             let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
             known(scene, path, name, &names, "boundary of the fluid")?;
+        }
+    }
+    probes(scene)
+}
+
+fn probes(scene: &Scene) -> Checked {
+    let probes = &scene.output.probes;
+    for (i, probe) in probes.iter().enumerate() {
+        let path = format!("output.probes[{i}]");
+        let column = column_name(&probe.name);
+        if column.is_empty() || probes[..i].iter().any(|other| column_name(&other.name) == column) {
+            let message =
+                format!("`{path}.name = \"{}\"` is empty or makes the columns of another probe", probe.name);
+            return fail(scene, &format!("{path}.name"), message, "give each probe a name of its own");
+        }
+        let places = [probe.at.is_some(), probe.line.is_some(), probe.within.is_some()];
+        if places.into_iter().filter(|given| *given).count() != 1 {
+            let message = format!("`{path}` has not one of `at`, `line` and `box`");
+            return fail(scene, &path, message, "give a point, a line or a box");
+        }
+        if let Some(at) = &probe.at {
+            coordinates(scene, &format!("{path}.at"), at)?;
+        }
+        if let Some(line) = &probe.line {
+            coordinates(scene, &format!("{path}.line.from"), &line.from)?;
+            coordinates(scene, &format!("{path}.line.to"), &line.to)?;
+            if line.from == line.to {
+                let message = format!("`{path}.line` has no length");
+                return fail(scene, &format!("{path}.line"), message, "give two different ends, or `at`");
+            }
+        }
+        if let Some(within) = &probe.within {
+            coordinates(scene, &format!("{path}.box.lower"), &within.lower)?;
+            coordinates(scene, &format!("{path}.box.upper"), &within.upper)?;
+            corners(scene, &format!("{path}.box"), &within.lower.0, &within.upper.0)?;
+        } else if scene.fluid.is_none() {
+            let message = format!("`{path}` asks for the fields of a fluid, but there is none");
+            return fail(scene, &path, message, "give a `box`, whose grains are recorded, or add `[fluid]`");
         }
     }
     Ok(())
