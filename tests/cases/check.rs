@@ -107,8 +107,15 @@ fn what_a_run_would_refuse_is_refused() {
         ("output.probes=[{ name = 'far', at = [1.0, 1.0] }]", ["\"far\" lies outside", "where fluid is"]),
         (
             "output.probes=[{ name = 'a b', at = [1e-2, 1e-2] }, { name = 'a_b', at = [1e-2, 1e-2] }]",
-            ["output.probes[1].name", "name of its own"],
+            ["probe_a_b_pressure_Pa, which another probe makes", "name of its own"],
         ),
+        // The velocity of the fluid at one, and that of the grains in the other.
+        (
+            "output.probes=[{ name = 'a_grain', at = [1e-2, 1e-2] }, { name = 'a', box = { lower = [0.0, 0.0], \
+             upper = [1e-2, 1e-2] } }]",
+            ["probe_a_grain_velocity_x_m_per_s", "which another probe makes"],
+        ),
+        ("output.probes=[{ name = '', at = [1e-2, 1e-2] }]", ["output.probes[0].name", "is empty"]),
         ("output.probes=[{ name = 'a' }]", ["output.probes[0]", "a point, a line or a box"]),
         (
             "output.probes=[{ name = 'a', line = { from = [1e-2, 1e-2], to = [1e-2, 1e-2] } }]",

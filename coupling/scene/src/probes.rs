@@ -5,29 +5,41 @@
 
 use crate::recorder::{FluidView, GrainView, Reading, View, column_name, with_unit};
 use crate::{Probe, Scene};
+use std::collections::BTreeSet;
 use voidage_coupling::error::Result;
 use voidage_coupling::overlap::disc_in_triangle;
 use voidage_fluid::{Mesh, Vector};
 
 type Point = Vector<2>;
 
-/// Cells where a probe is, each with its share of the weight and the point whose value counts there.
-type Samples = Vec<(usize, f64, Point)>;
+/// Pieces of a probe: the cell, its share of the whole up to a common factor, and the point whose value counts there.
+type Pieces = Vec<(usize, f64, Point)>;
 
 /// Rounding of barycentric coordinates.
 const SLACK: f64 = 1e-12;
 
-/// Checks that each probe of the fluid meets the mesh.
+/// Checks that each probe of the fluid meets the mesh, and that no two make the same column.
 ///
 /// # Errors
-/// One does not.
+/// One does not, or two do.
 pub fn check_probes(scene: &Scene, view: &View<2>) -> Result<()> {
-    let Some(fluid) = &view.fluid else { return Ok(()) };
+    let mut columns = BTreeSet::new();
     for (i, probe) in scene.output.probes.iter().enumerate() {
-        if samples(fluid.mesh, probe).is_empty() {
-            let (path, name) = (format!("output.probes[{i}]"), &probe.name);
+        let (path, name) = (format!("output.probes[{i}]"), &probe.name);
+        if view.fluid.is_some_and(|fluid| pieces(fluid.mesh, probe).is_empty()) {
             let message = format!("the probe \"{name}\" lies outside of the mesh of the fluid");
             return Err(scene.error(&path, message, "give a place where fluid is"));
+        }
+        for (column, _) in readings(std::slice::from_ref(probe), view) {
+            if let Some(column) = columns.replace(column) {
+                let message =
+                    format!("the probe \"{name}\" makes the column {column}, which another probe makes");
+                return Err(scene.error(
+                    &format!("{path}.name"),
+                    message,
+                    "give each probe a name of its own",
+                ));
+            }
         }
     }
     Ok(())
@@ -51,14 +63,10 @@ pub(crate) fn readings(probes: &[Probe], view: &View<2>) -> Vec<Reading> {
 
 /// Means of the nodal fields; no numbers where the probe does not meet the mesh, as in a hole that came its way.
 fn of_fluid(fluid: &FluidView<2>, probe: &Probe, add: &mut impl FnMut(&str, f64)) {
-    let samples = samples(fluid.mesh, probe);
-    let whole: f64 = samples.iter().map(|(_, weight, _)| weight).sum();
+    let weights = weights(fluid.mesh, probe);
+    let whole: f64 = weights.iter().map(|(_, weight)| weight).sum();
     let mean = |value: &dyn Fn(usize) -> f64| {
-        let at = |(cell, weight, point): &(usize, f64, Point)| {
-            let (nodes, shares) = (fluid.mesh.cell(*cell), coordinates(fluid.mesh, *cell, point));
-            weight * nodes.iter().zip(shares).map(|(node, share)| share * value(*node as usize)).sum::<f64>()
-        };
-        samples.iter().map(at).sum::<f64>() / whole
+        weights.iter().map(|(node, weight)| weight * value(*node)).sum::<f64>() / whole
     };
     add("pressure_Pa", mean(&|node| fluid.fields.pressure[node]));
     for (axis, name) in ["x", "y"].into_iter().enumerate() {
@@ -108,8 +116,19 @@ fn of_grains(grains: &GrainView<2>, [lower, upper]: [Point; 2], add: &mut impl F
     }
 }
 
+/// Weights of nodes whose mean is that of a field over a probe, up to a common factor.
+fn weights(mesh: &Mesh<2>, probe: &Probe) -> Vec<(usize, f64)> {
+    let mut weights = Vec::new();
+    for (cell, weight, point) in pieces(mesh, probe) {
+        let shares = coordinates(mesh, cell, &point);
+        weights
+            .extend(mesh.cell(cell).iter().zip(shares).map(|(node, share)| (*node as usize, weight * share)));
+    }
+    weights
+}
+
 /// Where a probe meets the cells of a mesh.
-fn samples(mesh: &Mesh<2>, probe: &Probe) -> Samples {
+fn pieces(mesh: &Mesh<2>, probe: &Probe) -> Pieces {
     if let Some(line) = &probe.line {
         return along(mesh, line.from.vector(), line.to.vector());
     }
@@ -128,7 +147,7 @@ fn coordinates(mesh: &Mesh<2>, cell: usize, x: &Point) -> [f64; 3] {
 }
 
 /// The pieces of a line between the sides of cells. A piece on a side belongs to two cells and counts once.
-fn along(mesh: &Mesh<2>, from: Point, to: Point) -> Samples {
+fn along(mesh: &Mesh<2>, from: Point, to: Point) -> Pieces {
     let mut pieces: Vec<(f64, f64, usize)> = Vec::new();
     for cell in 0..mesh.cell_count() {
         let [start, end] = [from, to].map(|x| coordinates(mesh, cell, &x));
@@ -148,24 +167,30 @@ fn along(mesh: &Mesh<2>, from: Point, to: Point) -> Samples {
         }
     }
     pieces.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
-    let mut samples = Samples::new();
+    let mut found = Pieces::new();
     let mut covered = 0.0;
     for (first, last, cell) in pieces {
         let first: f64 = first.max(covered);
         if last > first {
-            samples.push((cell, last - first, from.lerp(&to, 0.5 * (first + last))));
+            found.push((cell, last - first, from.lerp(&to, 0.5 * (first + last))));
             covered = last;
         }
     }
-    samples
+    found
 }
 
 /// The parts of the cells in a box, each with its area and centroid.
-fn inside(mesh: &Mesh<2>, [lower, upper]: [Point; 2]) -> Samples {
-    let mut samples = Samples::new();
+fn inside(mesh: &Mesh<2>, [lower, upper]: [Point; 2]) -> Pieces {
+    let mut found = Pieces::new();
     for cell in 0..mesh.cell_count() {
         let mut polygon: Vec<Point> =
             mesh.cell(cell).iter().map(|node| mesh.points[*node as usize]).collect();
+        let beyond = |axis: usize| {
+            polygon.iter().all(|x| x[axis] <= lower[axis]) || polygon.iter().all(|x| x[axis] >= upper[axis])
+        };
+        if (0..2).any(beyond) {
+            continue;
+        }
         for axis in 0..2 {
             polygon = cut(&polygon, |x| x[axis] - lower[axis]);
             polygon = cut(&polygon, |x| upper[axis] - x[axis]);
@@ -174,11 +199,11 @@ fn inside(mesh: &Mesh<2>, [lower, upper]: [Point; 2]) -> Samples {
         for pair in rest.windows(2) {
             let area = 0.5 * (pair[0] - first).perp(&(pair[1] - first)).abs();
             if area > 0.0 {
-                samples.push((cell, area, (first + pair[0] + pair[1]) / 3.0));
+                found.push((cell, area, (first + pair[0] + pair[1]) / 3.0));
             }
         }
     }
-    samples
+    found
 }
 
 /// The part of a convex polygon where a linear function is not negative.

@@ -17,17 +17,17 @@ use std::sync::{Mutex, PoisonError};
 use voidage_fluid::mesh::{Locator, Neighbours};
 use voidage_fluid::{Error, Mesh, Result, Vector};
 
-/// Area of a disc of radius `radius` around the origin inside an anticlockwise triangle, exactly.
-pub fn disc_in_triangle(triangle: [[f64; 2]; 3], radius: f64) -> f64 {
-    disc::cut(triangle, radius).area
-}
-
 /// Grains per unit of parallel work: fixed, so that results do not depend on the number of threads.
 const CHUNK: usize = 64;
 /// Parts below this share of the grain are round-off and no pieces.
 const LEAST_SHARE: f64 = 1e-14;
 /// No cell known yet.
 const UNKNOWN: u32 = u32::MAX;
+
+/// Area of a disc of radius `radius` around the origin inside an anticlockwise triangle, exactly: m2 for lengths in m.
+pub fn disc_in_triangle(triangle: [[f64; 2]; 3], radius: f64) -> f64 {
+    disc::cut(triangle, radius).area
+}
 
 /// Cuts grains by the cells of a mesh. Keeps its memory from call to call.
 #[derive(Debug, Default)]

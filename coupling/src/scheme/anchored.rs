@@ -166,8 +166,8 @@ pub fn velocity_offset<const D: usize>(impulse: Vector<D>, drag: f64) -> Vector<
 
 impl Anchor {
     /// Fills the laws of the load around the response of the grains, which have just moved under `forcing` in
-    /// `substeps`. Where `cautious`, no grain counts as held. The fluid gets the share `returned` of
-    /// the impulse and heat that are carried.
+    /// `substeps`. Where `cautious`, no grain counts as held. The fluid gets the share `returned` of the impulse and heat
+    /// that are carried.
     pub fn fill<const D: usize>(
         &mut self,
         mixture: &mut Mixture<D>,

@@ -6,7 +6,6 @@ mod passage;
 mod periodic;
 
 use super::{Coordinates, Scene, SceneError};
-use crate::recorder::column_name;
 use voidage_coupling::TEMPERATURE;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::relaxation::Relaxation;
@@ -245,13 +244,10 @@ fn output(scene: &Scene) -> Checked {
 }
 
 fn probes(scene: &Scene) -> Checked {
-    let probes = &scene.output.probes;
-    for (i, probe) in probes.iter().enumerate() {
+    for (i, probe) in scene.output.probes.iter().enumerate() {
         let path = format!("output.probes[{i}]");
-        let column = column_name(&probe.name);
-        if column.is_empty() || probes[..i].iter().any(|other| column_name(&other.name) == column) {
-            let message =
-                format!("`{path}.name = \"{}\"` is empty or makes the columns of another probe", probe.name);
+        if probe.name.is_empty() {
+            let message = format!("`{path}.name` is empty");
             return fail(scene, &format!("{path}.name"), message, "give each probe a name of its own");
         }
         let places = [probe.at.is_some(), probe.line.is_some(), probe.within.is_some()];
