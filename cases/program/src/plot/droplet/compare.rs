@@ -1,6 +1,7 @@
 //! Several runs with a droplet in the same pictures.
 
-use super::super::{FOLDER, read_scene, table::Table};
+use crate::results::table::Table;
+use crate::results::{FOLDER, read_scene};
 use super::curves::{Run, SINGLE};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Temperature of the grains along a vertical and a horizontal line.
 
 use super::super::hole::Track;
-use super::super::snapshot::Moment;
+use crate::results::Moment;
 use super::curves::{Points, Run};
 use super::sheet::evenly;
 use std::collections::BTreeMap;
