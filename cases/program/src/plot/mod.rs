@@ -19,7 +19,7 @@ use tracing::info;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Scene;
 use voidage_scene::compare::Finding;
-use voidage_scene::recorder::Summary;
+use voidage_scene::recorder::{Frame, Summary};
 
 /// Draws the pictures of one run into its folder; or those that compare runs, where there are several or another folder
 /// is given, into that or the current one.
@@ -62,6 +62,11 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
         drawn.extend(maps::draw(folder, averages)?);
     }
     Ok(drawn)
+}
+
+/// Draws the mean fields of the fluid.
+pub fn mean_fields(path: &Path, scene: &Scene, means: Frame, title: &str) -> Result<()> {
+    snapshot::fields(path, scene, means, title)
 }
 
 /// Draws every moment of a run as a picture of a film.

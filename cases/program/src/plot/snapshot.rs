@@ -48,6 +48,11 @@ impl Picture {
         Ok(Picture { time: moment.time, grains, fluid, droplet })
     }
 
+    /// Fields of the fluid that are those of no moment.
+    pub fn of_fields(frame: Frame) -> Picture {
+        Picture { time: 0.0, grains: None, fluid: Some(frame), droplet: None }
+    }
+
     /// What stands above the picture.
     pub fn title(&self) -> String {
         format!("t = {:.3} s", self.time)
@@ -242,6 +247,17 @@ pub fn draw(path: &Path, scene: &Scene, picture: &Picture, view: Option<&View>) 
     let Some(view) = view.or(own.as_ref()) else { return Ok(()) };
     if let Some(mut plane) = view.plane(path, &[picture.title()])? {
         paint(&mut plane, scene, picture, view)?;
+        plane.save()?;
+    }
+    Ok(())
+}
+
+/// Draws fields of the fluid under a title.
+pub fn fields(path: &Path, scene: &Scene, frame: Frame, title: &str) -> Result<()> {
+    let picture = Picture::of_fields(frame);
+    let view = View::of(&picture, scene, EXTREME)?;
+    if let Some(mut plane) = view.plane(path, &[title.to_owned()])? {
+        paint(&mut plane, scene, &picture, &view)?;
         plane.save()?;
     }
     Ok(())

@@ -163,7 +163,7 @@ impl Table {
     }
 
     /// An error that names a row of the file.
-    pub fn wrong(&self, row: usize, what: String) -> Error {
+    fn wrong(&self, row: usize, what: String) -> Error {
         Error::input(Notice::new(format!("{}:{}: {what}", self.path.display(), self.lines[row]), HELP))
     }
 
