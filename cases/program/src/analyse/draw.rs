@@ -14,13 +14,13 @@ pub fn spectra(path: &Path, spectra: &[(String, Spectrum)]) -> Result<()> {
     let panel = |(column, found): &(String, Spectrum)| {
         let title = match found.dominant() {
             Some(frequency) => format!(
-                "{column}: {} \u{b1} {} Hz",
+                "{column}: {} Hz, resolved to {} Hz",
                 super::short(frequency),
-                super::short(0.5 * found.resolution)
+                super::short(found.resolution)
             ),
             None => format!("{column}: no dominant frequency"),
         };
-        let mut panel = Panel::log_log(title, "frequency (Hz)", "power spectral density");
+        let mut panel = Panel::log_log(title, "frequency (Hz)", "power spectral density (unit\u{b2} s)");
         let points = |values: &[f64]| found.frequency.iter().copied().zip(values.iter().copied()).skip(1).collect();
         panel.curves.push(Curve::measured(format!("mean of {} segments", found.segments), points(&found.density)));
         panel.curves.push(Curve::dashes("red noise", points(&found.noise)));
@@ -45,10 +45,11 @@ pub fn bed(path: &Path, rows: &[BedRow]) -> Result<()> {
     height.headroom = 0.25;
     let mut mixing = Panel::new("mixing", "time (s)", "Lacey index");
     mixing.curves.extend(over_time(rows, "", |row| row.lacey_index));
+    mixing.headroom = 0.2;
     let ends = || [rows.first(), rows.last()].into_iter().flatten();
     let limit = |value: f64| ends().map(|row| (row.time_s, value)).collect::<Vec<_>>();
     if !mixing.curves.is_empty() {
-        mixing.curves.push(Curve::dashes("mixed at random, separated", limit(1.0)));
+        mixing.curves.push(Curve::dashes("mixed at random (1), separated (0)", limit(1.0)));
         mixing.curves.push(Curve::dashes("", limit(0.0)));
     }
     sheet.extend([height, mixing].into_iter().filter(|panel| !panel.curves.is_empty()));
@@ -78,7 +79,7 @@ pub fn bubbles(
 ) -> Result<()> {
     let mut number = Panel::new("bubbles over time", "time (s)", "number in a frame");
     number.curves.extend(over_time(rows, "", |row| row.bubbles));
-    let mut diameter = Panel::new("size", "equivalent diameter (mm)", "height (mm)");
+    let mut diameter = Panel::new("size, with standard errors", "equivalent diameter (mm)", "height (mm)");
     let points = all.iter().map(|one| (1e3 * one.diameter_m, 1e3 * (one.y_m - floor))).collect();
     diameter.curves.push(Curve::known("each bubble", points));
     let means: Vec<_> = by_height
@@ -86,7 +87,7 @@ pub fn bubbles(
         .map(|at| (1e3 * at.diameter_m, 1e3 * at.height_m, 1e3 * at.diameter_standard_error_m))
         .collect();
     bar(&mut diameter.curves, "mean", &means, true);
-    let mut frequency = Panel::new("number by height", "bubbles in a frame", "height (mm)");
+    let mut frequency = Panel::new("number, with standard errors", "bubbles in a frame", "height (mm)");
     let means: Vec<_> = by_height
         .iter()
         .map(|at| (at.bubbles_per_frame, 1e3 * at.height_m, at.bubbles_per_frame_standard_error))
@@ -103,7 +104,7 @@ pub fn profiles(path: &Path, rows: &[ProfileRow], frames: usize) -> Result<()> {
     let points = |of: fn(&ProfileRow) -> (f64, f64)| -> Vec<(f64, f64, f64)> {
         rows.iter().map(|row| (of(row).0, 1e3 * row.height_m, of(row).1)).collect()
     };
-    let title = format!("mean of {frames} frames");
+    let title = format!("mean of {frames} frames, with standard errors");
     let mut solid = Panel::new(title.clone(), "solid fraction", "height (mm)");
     bar(
         &mut solid.curves,

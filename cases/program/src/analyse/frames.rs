@@ -147,9 +147,17 @@ impl Lens {
     /// # Errors
     /// A frame is damaged.
     pub fn new(scene: &Scene, moments: &[Moment], wanted: &Wanted) -> Result<Option<Lens>> {
-        let first = moments.iter().find_map(|moment| moment.grains.as_deref());
-        let Some(first) = first else { return Ok(None) };
-        let grains = Grains::read(first, scene)?;
+        let mut grains = None;
+        for path in moments.iter().filter_map(|moment| moment.grains.as_deref()) {
+            let there = Grains::read(path, scene)?;
+            let some = !there.place.is_empty();
+            grains = Some(there);
+            // Those of a source come later.
+            if some {
+                break;
+            }
+        }
+        let Some(grains) = grains else { return Ok(None) };
         let mesh = moments.iter().find_map(|moment| moment.fluid.as_deref()).map(read_frame).transpose()?;
         let period = scene.period();
         let points: Vec<[f64; 2]> = match &mesh {
@@ -194,7 +202,7 @@ impl Lens {
                 format!("grains of the first group ({material}) among those of the others")
             }
             Kinds::Halves(_, height) => format!(
-                "grains that were below {} mm in the first frame among those that were above",
+                "grains that were below {} mm in their first frame among those that were above",
                 super::report::short(1e3 * height)
             ),
         }

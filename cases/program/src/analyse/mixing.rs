@@ -94,18 +94,11 @@ mod tests {
         let spread = (indices.iter().map(|index| (index - mean).powi(2)).sum::<f64>() / 400.0).sqrt();
         assert!((mean - 1.0).abs() < 4.0 * scatter / 20.0, "{mean}");
         assert!((spread / scatter - 1.0).abs() < 0.15, "{spread} for {scatter}");
-        // Half of the grains mixed at random.
-        let found = of_half(&mut random);
+        // Half of the grains are mixed at random, the others are apart: the shares are 1/4 and 3/4.
+        let mut kind = |y: f64| if random.random::<f64>() < 0.5 { random.random() } else { y < 10.0 };
+        let half: Vec<([f64; 2], bool)> = places().into_iter().map(|[x, y]| ([x, y], kind(y))).collect();
+        let found = lacey(half.into_iter(), [0.0; 2], 1.0).unwrap().index();
         assert!((found - 0.75).abs() < 0.03, "{found}");
-    }
-
-    /// Half of the cells mixed, the others separated: pure cells have the full variance.
-    fn of_half(random: &mut Pcg64) -> f64 {
-        let kinds: Vec<([f64; 2], bool)> = places()
-            .into_iter()
-            .map(|[x, y]| ([x, y], if random.random::<f64>() < 0.5 { random.random() } else { y < 10.0 }))
-            .collect();
-        lacey(kinds.into_iter(), [0.0; 2], 1.0).unwrap().index()
     }
 
     #[test]

@@ -15,13 +15,14 @@ mod window;
 use crate::plot;
 use crate::results::table::{DROP, TIME, Table};
 use crate::results::{FOLDER, Moment, moments, read_scene};
+use bubbles::Bubble;
 use clap::Args;
 use frames::{Lens, Seen, Wanted};
 use report::{Row, short};
 use serde::Serialize;
 use spectrum::Spectrum;
 use statistics::{Estimate, Verdict, estimate};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use voidage_campaign::table;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Scene;
@@ -245,12 +246,14 @@ struct ProfileRow {
 
 /// Heights that bubbles are counted at.
 const HEIGHTS: usize = 10;
+/// Fewest bubbles whose mean diameter has an error.
+const FEWEST_BUBBLES: usize = 10;
 
 impl BedRow {
     fn new(seen: &Seen) -> BedRow {
         let heights = |of: fn(&bed::Heights) -> f64| seen.heights.as_ref().map_or(f64::NAN, of);
         let mixing = |of: fn(&mixing::Mixing) -> f64| seen.mixing.as_ref().map_or(f64::NAN, of);
-        let bubbles = |of: fn(&[bubbles::Bubble]) -> f64| seen.bubbles.as_deref().map_or(f64::NAN, of);
+        let bubbles = |of: fn(&[Bubble]) -> f64| seen.bubbles.as_deref().map_or(f64::NAN, of);
         BedRow {
             time_s: seen.time,
             mean_height_m: heights(|heights| heights.mean),
@@ -260,7 +263,7 @@ impl BedRow {
             bubble_area_m2: bubbles(|all| all.iter().map(|bubble| bubble.area).fold(0.0, |a, b| a + b)),
             // Of no bubbles nothing is known.
             mean_bubble_diameter_m: bubbles(|all| {
-                all.iter().map(bubbles::Bubble::diameter).sum::<f64>() / all.len() as f64
+                all.iter().map(Bubble::diameter).sum::<f64>() / all.len() as f64
             }),
             lacey_index: mixing(mixing::Mixing::index),
             lacey_scatter: mixing(mixing::Mixing::scatter),
@@ -463,7 +466,7 @@ impl Analysis<'_> {
             }
         };
         let inside = &seen[even.rows.clone()];
-        self.means_of_frames(&rows[even.rows.clone()], even.step);
+        self.means_of_frames(&rows[even.rows.clone()], inside, even.step);
         self.profiles(lens, inside)?;
         if inside.iter().any(|one| one.bubbles.as_ref().is_some_and(|all| !all.is_empty())) {
             let by_height = bubbles_by_height(inside, lens.lower[1]);
@@ -477,13 +480,12 @@ impl Analysis<'_> {
         Ok(())
     }
 
-    fn means_of_frames(&mut self, rows: &[BedRow], step: f64) {
-        let columns: [(&str, fn(&BedRow) -> f64); 6] = [
+    fn means_of_frames(&mut self, rows: &[BedRow], seen: &[Seen], step: f64) {
+        let columns: [(&str, fn(&BedRow) -> f64); 5] = [
             ("bed_height_from_mean_m", |row| row.bed_height_from_mean_m),
             ("bed_height_95_m", |row| row.bed_height_95_m),
             ("bubbles", |row| row.bubbles),
             ("bubble_area_m2", |row| row.bubble_area_m2),
-            ("mean_bubble_diameter_m", |row| row.mean_bubble_diameter_m),
             ("lacey_index", |row| row.lacey_index),
         ];
         for (name, of) in columns {
@@ -492,6 +494,11 @@ impl Analysis<'_> {
             if found.verdict != Verdict::NoNumber {
                 self.rows.push(Row::new("frames", name, &self.window, step, &found));
             }
+        }
+        // Each bubble counts the same, and not each frame.
+        if seen.iter().any(|one| one.bubbles.is_some()) {
+            let found = diameter(seen, |_| true);
+            self.rows.push(Row::new("frames", "bubble_diameter_m", &self.window, step, &found));
         }
     }
 
@@ -593,40 +600,57 @@ fn bubble_rows(seen: &Seen) -> impl Iterator<Item = BubbleRow> {
     })
 }
 
+/// The mean equivalent diameter of some of the bubbles of frames.
+fn diameter(seen: &[Seen], of_interest: impl Fn(&Bubble) -> bool) -> Estimate {
+    let of = |one: &Seen| -> Vec<f64> {
+        one.bubbles.iter().flatten().filter(|bubble| of_interest(bubble)).map(Bubble::diameter).collect()
+    };
+    let frames: Vec<Vec<f64>> = seen.iter().map(of).collect();
+    let all: Vec<f64> = frames.iter().flatten().copied().collect();
+    let number = all.len() as f64;
+    let mean = all.iter().sum::<f64>() / number;
+    // To first order the error of the ratio of two means is that of the mean of these differences.
+    let rest: Vec<f64> =
+        frames.iter().map(|frame| frame.iter().map(|diameter| diameter - mean).sum()).collect();
+    let mut found = estimate(&rest);
+    let per_frame = number / frames.len() as f64;
+    if all.len() < FEWEST_BUBBLES {
+        let verdict = if all.is_empty() { Verdict::NoNumber } else { Verdict::TooFewRows };
+        found = Estimate { error: f64::NAN, batch_error: f64::NAN, verdict, ..found };
+    }
+    Estimate {
+        mean,
+        deviation: (all.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / (number - 1.0)).sqrt(),
+        error: found.error / per_frame,
+        batch_error: found.batch_error / per_frame,
+        ..found
+    }
+}
+
 /// Number and diameter of bubbles in parts of the height of the bed above its floor.
 fn bubbles_by_height(seen: &[Seen], floor: f64) -> Vec<BubblesAt> {
     let surface = seen.iter().filter_map(|one| one.heights).map(|heights| heights.surface).fold(0.0, f64::max);
     let part = surface / HEIGHTS as f64;
+    let is_in = |k: usize| {
+        move |bubble: &Bubble| {
+            let place = ((bubble.centre[1] - floor) / part).floor();
+            place.clamp(0.0, HEIGHTS as f64 - 1.0) as usize == k
+        }
+    };
     (0..HEIGHTS)
         .map(|k| {
-            let mut numbers = Vec::new();
-            let mut sums = Vec::new();
-            for one in seen {
-                let here = one.bubbles.iter().flatten().filter(|bubble| {
-                    let place = ((bubble.centre[1] - floor) / part).floor();
-                    place.clamp(0.0, HEIGHTS as f64 - 1.0) as usize == k
-                });
-                let (number, sum) =
-                    here.fold((0.0, 0.0), |(number, sum), bubble| (number + 1.0, sum + bubble.diameter()));
-                numbers.push(number);
-                sums.push(sum);
-            }
-            let all: f64 = numbers.iter().sum();
-            let diameter = sums.iter().sum::<f64>() / all;
-            let number = estimate(&numbers);
-            // To first order the error of the ratio of two means is that of the mean of these differences.
-            let rest: Vec<f64> =
-                sums.iter().zip(&numbers).map(|(sum, number)| sum - diameter * number).collect();
-            let error = estimate(&rest);
+            let of = |one: &Seen| one.bubbles.iter().flatten().filter(|bubble| is_in(k)(bubble)).count();
+            let numbers: Vec<f64> = seen.iter().map(|one| of(one) as f64).collect();
+            let (number, diameter) = (estimate(&numbers), diameter(seen, is_in(k)));
             BubblesAt {
                 height_m: (k as f64 + 0.5) * part,
-                bubbles: all as usize,
+                bubbles: numbers.iter().sum::<f64>() as usize,
                 bubbles_per_frame: number.mean,
                 bubbles_per_frame_standard_error: number.error,
                 bubbles_per_frame_verdict: number.verdict.name(),
-                diameter_m: diameter,
-                diameter_standard_error_m: error.error / number.mean,
-                diameter_verdict: error.verdict.name(),
+                diameter_m: diameter.mean,
+                diameter_standard_error_m: diameter.error,
+                diameter_verdict: diameter.verdict.name(),
             }
         })
         .collect()

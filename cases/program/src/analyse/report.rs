@@ -107,7 +107,8 @@ const MEANINGS: [(Verdict, &str); 5] = [
     ),
     (
         Verdict::TooShort,
-        "the window holds fewer than 20 times the memory of the column, and its error cannot be known: run longer",
+        "the window holds fewer than 20 independent samples, or too few periods of an oscillation: the error cannot be \
+         known; run longer",
     ),
     (
         Verdict::Uncertain,

@@ -100,7 +100,7 @@ pub fn estimate(values: &[f64]) -> Estimate {
         verdict: Verdict::NoNumber,
     };
     let largest = finite.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    if finite.is_empty() {
+    if finite.is_empty() && !values.is_empty() {
         return nothing;
     }
     if finite.len() < values.len() {
@@ -110,7 +110,7 @@ pub fn estimate(values: &[f64]) -> Estimate {
         return Estimate { verdict: Verdict::TooFewRows, ..nothing };
     }
     // They differ by nothing but rounding.
-    if values.iter().all(|value| (value - values[0]).abs() <= 1e-13 * largest) {
+    if values.iter().all(|value| (value - values[0]).abs() <= 1e-12 * largest) {
         let verdict = Verdict::Constant;
         return Estimate { mean: values[0], deviation: 0.0, error: 0.0, drift: 0.0, verdict, ..nothing };
     }
@@ -125,6 +125,10 @@ pub fn estimate(values: &[f64]) -> Estimate {
     } else {
         Verdict::Good
     };
+    if verdict == Verdict::NotStationary {
+        // A drift counts as memory: what follows from the autocorrelation means nothing.
+        return Estimate { deviation: known.deviation, drift, verdict, ..nothing };
+    }
     let error = if verdict == Verdict::Good { known.error } else { f64::NAN };
     let correlation = values.len() as f64 * (known.error / known.deviation).powi(2);
     Estimate {
@@ -196,20 +200,20 @@ impl Known {
         // error: U. Wolff, Comput. Phys. Commun. 156, 143 (2004), eq. 49.
         let inefficiency = sum * (1.0 + (2 * window + 1) as f64 / rows) / (1.0 + sum.max(0.0) / rows);
         let deviation = (covariance[0] * (1.0 + sum.max(0.0) / rows)).sqrt();
-        let mut enough = rows / memory >= LENGTHS;
-        // By chance alone it does not get far below that of independent rows; what oscillates is left to batches.
-        let by_correlation = deviation * (inefficiency.max(0.25) / rows).sqrt();
+        // No more independent values than rows.
+        let by_correlation = deviation * (inefficiency.max(1.0) / rows).sqrt();
         let length = (BATCH * memory).ceil().max((rows / BATCHES as f64).ceil()) as usize;
         let means: Vec<f64> = values.rchunks_exact(length).map(|batch| moments(batch).0).collect();
         let batch_error = moments(&means).1 / (means.len() as f64).sqrt();
         // The first lobe of the autocorrelation of an oscillation says little about the sum of all.
         let noise = 4.0 * (squares / rows).sqrt();
         if least < OSCILLATES.min(-noise) {
-            enough &= means.len() >= FEWEST_BATCHES;
+            let enough = means.len() >= FEWEST_BATCHES;
             let error = batch_error.max(deviation / rows.sqrt());
             return Known { error, deviation, batch_error, batches: means.len(), enough, disagree: false };
         }
         let spread = 0.5 / (means.len().max(2) - 1) as f64 + 0.5 * (2 * window + 1) as f64 / rows;
+        let enough = rows / inefficiency.max(1.0) >= LENGTHS;
         let disagree = (batch_error / by_correlation).ln() > 3.0 * spread.sqrt();
         Known { error: by_correlation, deviation, batch_error, batches: means.len(), enough, disagree }
     }
@@ -290,7 +294,8 @@ mod tests {
             println!("{said}");
             assert!((mean / exact - 1.0).abs() < 0.05, "{said}");
             assert!((of_batches / exact - 1.0).abs() < 0.1, "{said}");
-            assert!((inefficiency / theory - 1.0).abs() < 0.08, "{said}");
+            // It is at least 1, which makes it too great in the mean where it is 1.
+            assert!((inefficiency / theory - 1.0).abs() < 0.1, "{said}");
             // 95.4 % of a normal distribution.
             assert!((0.92..0.98).contains(&covered), "{said}");
             assert!(refused < 20, "{said}");
@@ -365,7 +370,7 @@ mod tests {
     #[test]
     fn what_is_no_series_is_told_apart() {
         let verdict = |values: &[f64]| estimate(values).verdict;
-        assert_eq!(verdict(&[]), Verdict::NoNumber);
+        assert_eq!(verdict(&[]), Verdict::TooFewRows);
         assert_eq!(verdict(&[f64::NAN; 30]), Verdict::NoNumber);
         let mut gaps = process(0.0, 100, 1);
         gaps[50] = f64::NAN;
