@@ -67,8 +67,10 @@ fn number(row: &BTreeMap<String, String>, name: &str) -> f64 {
 fn a_run_is_analysed() {
     let folder = tempfile::tempdir().unwrap();
     let out = run(folder.path(), ABOVE, &["output.frame_interval=1e-3"]);
-    let options = ["out", "--spectrum", "pressure_drop_Pa", "--spectrum", "mean_grain_height_m", "--segments", "1"];
-    let options = [&options[..], &["--from", "0", "--mixing-cell", "2.5e-3", "--smallest-bubble", "1e-9"]].concat();
+    let options =
+        ["out", "--spectrum", "pressure_drop_Pa", "--spectrum", "mean_grain_height_m", "--segments", "1"];
+    let options =
+        [&options[..], &["--from", "0", "--mixing-cell", "2.5e-3", "--smallest-bubble", "1e-9"]].concat();
     let said = good(folder.path(), &options);
     let found = out.join("analysis");
     for name in [
@@ -103,17 +105,21 @@ fn a_run_is_analysed() {
     assert_eq!(bed.len(), 41);
     assert!(number(&bed[0], "lacey_index").abs() < 1e-12, "{:?}", bed[0]);
     assert!(said.contains("first group"), "{said}");
-    let heights = |row: usize| number(&bed[row], "mean_height_m") / number(&series[row], "mean_grain_height_m");
-    assert!((heights(0) - 1.0).abs() < 1e-9 && (heights(40) - 1.0).abs() < 1e-9, "{} {}", heights(0), heights(40));
+    let heights =
+        |row: usize| number(&bed[row], "mean_height_m") / number(&series[row], "mean_grain_height_m");
+    assert!(
+        (heights(0) - 1.0).abs() < 1e-9 && (heights(40) - 1.0).abs() < 1e-9,
+        "{} {}",
+        heights(0),
+        heights(40)
+    );
     // The layers hold all of the solid, and move it as the grains do.
     let frame = read_frame(&out.join("frames/grains-00000000.vtp")).unwrap();
     assert_eq!(frame.column("group").unwrap().iter().filter(|group| **group == 1.0).count(), 40);
     let profiles = table(found.join("profiles.csv"));
     let thickness = number(&profiles[1], "height_m") - number(&profiles[0], "height_m");
-    let solid: f64 = profiles
-        .iter()
-        .map(|row| number(row, "solid_fraction") * number(row, "width_m") * thickness)
-        .sum();
+    let solid: f64 =
+        profiles.iter().map(|row| number(row, "solid_fraction") * number(row, "width_m") * thickness).sum();
     let radii = frame.column("radius_m").unwrap().iter().zip(frame.column("group").unwrap());
     let exact: f64 = radii
         .map(|(radius, group)| {

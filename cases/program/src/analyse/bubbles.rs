@@ -38,7 +38,8 @@ pub fn find(frame: &Frame, voidage: &[f64], rule: &Rule, period: &Period<2>) -> 
     let at = |node: usize| Vector::<2>::new(frame.points[node][0], frame.points[node][1]);
     let inside = |node: usize| voidage[node] > rule.voidage;
     let mut parts = Parts((0..frame.points.len()).collect());
-    let mut sides: Vec<[u32; 2]> = cells.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]).collect();
+    let mut sides: Vec<[u32; 2]> =
+        cells.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]).collect();
     for [a, b] in sides.iter().map(|side| side.map(|node| node as usize)) {
         if inside(a) && inside(b) {
             parts.join(a, b);
@@ -156,9 +157,8 @@ pub mod tests {
     /// A box of right triangles.
     pub fn mesh(lower: [f64; 2], upper: [f64; 2], count: [usize; 2]) -> Frame {
         let mut frame = Frame::default();
-        let at = |axis: usize, k: usize| {
-            lower[axis] + (upper[axis] - lower[axis]) * k as f64 / count[axis] as f64
-        };
+        let at =
+            |axis: usize, k: usize| lower[axis] + (upper[axis] - lower[axis]) * k as f64 / count[axis] as f64;
         for j in 0..=count[1] {
             for i in 0..=count[0] {
                 frame.points.push([at(0, i), at(1, j), 0.0]);
@@ -202,12 +202,16 @@ pub mod tests {
         let exact = std::f64::consts::PI * 0.04;
         assert!((found[0].area / exact - 1.0).abs() < 0.01, "{found:?}");
         assert!((found[0].diameter() / 0.4 - 1.0).abs() < 0.005, "{found:?}");
-        assert!((found[0].centre[0] - 0.4).abs() < 1e-3 && (found[0].centre[1] - 1.0).abs() < 1e-3, "{found:?}");
+        assert!(
+            (found[0].centre[0] - 0.4).abs() < 1e-3 && (found[0].centre[1] - 1.0).abs() < 1e-3,
+            "{found:?}"
+        );
         // With another bound the pocket is one.
         let small = find(&frame, &voidage, &Rule { smallest: 0.0, ..RULE }, &Period::default());
         assert_eq!(small.len(), 2, "{small:?}");
         // A bubble that breaks through the surface is part of the freeboard.
-        let open = voidages(&frame, |[x, y]| if y > 2.1 || (x - 0.5).abs() < 0.2 && y > 1.0 { 0.9 } else { 0.4 });
+        let open =
+            voidages(&frame, |[x, y]| if y > 2.1 || (x - 0.5).abs() < 0.2 && y > 1.0 { 0.9 } else { 0.4 });
         assert!(find(&frame, &open, &RULE, &Period::default()).is_empty());
         // One at a side wall below the surface is a bubble.
         let wall = voidages(&frame, |point| disc(point, [0.0, 1.0], 0.2).max(0.4));

@@ -21,8 +21,11 @@ pub fn spectra(path: &Path, spectra: &[(String, Spectrum)]) -> Result<()> {
             None => format!("{column}: no dominant frequency"),
         };
         let mut panel = Panel::log_log(title, "frequency (Hz)", "power spectral density (unit\u{b2} s)");
-        let points = |values: &[f64]| found.frequency.iter().copied().zip(values.iter().copied()).skip(1).collect();
-        panel.curves.push(Curve::measured(format!("mean of {} segments", found.segments), points(&found.density)));
+        let points =
+            |values: &[f64]| found.frequency.iter().copied().zip(values.iter().copied()).skip(1).collect();
+        panel
+            .curves
+            .push(Curve::measured(format!("mean of {} segments", found.segments), points(&found.density)));
         panel.curves.push(Curve::dashes("red noise", points(&found.noise)));
         panel
     };
@@ -106,12 +109,7 @@ pub fn profiles(path: &Path, rows: &[ProfileRow], frames: usize) -> Result<()> {
     };
     let title = format!("mean of {frames} frames, with standard errors");
     let mut solid = Panel::new(title.clone(), "solid fraction", "height (mm)");
-    bar(
-        &mut solid.curves,
-        "",
-        &points(|row| (row.solid_fraction, row.solid_fraction_standard_error)),
-        true,
-    );
+    bar(&mut solid.curves, "", &points(|row| (row.solid_fraction, row.solid_fraction_standard_error)), true);
     let mut flux = Panel::new(title, "flux of solid (mm/s)", "height (mm)");
     let up = |row: &ProfileRow| (1e3 * row.upward_flux_m_per_s, 1e3 * row.upward_flux_standard_error_m_per_s);
     let down =

@@ -66,9 +66,12 @@ pub fn means(moments: &[&Moment]) -> Result<std::result::Result<Means, String>> 
             mesh.columns.iter().map(|column| vec![0.0; column.values.len()]).collect();
         for path in batch {
             let frame = read_frame(path)?;
-            let same = |a: &FrameColumn, b: &FrameColumn| a.name == b.name && a.values.len() == b.values.len();
+            let same =
+                |a: &FrameColumn, b: &FrameColumn| a.name == b.name && a.values.len() == b.values.len();
             if frame.points != mesh.points || frame.cells != mesh.cells {
-                return Ok(Err("the mesh moves or is made anew, so that its nodes have no mean fields".to_owned()));
+                return Ok(Err(
+                    "the mesh moves or is made anew, so that its nodes have no mean fields".to_owned()
+                ));
             }
             if frame.columns.len() != mesh.columns.len()
                 || !frame.columns.iter().zip(&mesh.columns).all(|(a, b)| same(a, b))
@@ -136,7 +139,8 @@ impl Means {
     /// # Errors
     /// It cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let points: Vec<Vector<2>> = self.mesh.points.iter().map(|[x, y, _]| Vector::<2>::new(*x, *y)).collect();
+        let points: Vec<Vector<2>> =
+            self.mesh.points.iter().map(|[x, y, _]| Vector::<2>::new(*x, *y)).collect();
         let mut named: Vec<(String, usize, &[f64], Vec<Vector<2>>)> = Vec::new();
         for field in &self.fields {
             let error = format!("{}_standard_error", field.name);

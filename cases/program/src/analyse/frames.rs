@@ -217,8 +217,7 @@ impl Lens {
     }
 
     fn at(&self, scene: &Scene, moment: &Moment) -> Result<Seen> {
-        let mut seen =
-            Seen { time: moment.time, heights: None, bubbles: None, mixing: None, layers: None };
+        let mut seen = Seen { time: moment.time, heights: None, bubbles: None, mixing: None, layers: None };
         let Some(path) = &moment.grains else { return Ok(seen) };
         let grains = Grains::read(path, scene)?;
         let y = grains.heights();

@@ -94,8 +94,7 @@ pub fn analyse(options: &Options) -> Result<u8> {
         [ends.iter().copied().fold(f64::INFINITY, f64::min), ends.iter().copied().fold(0.0, f64::max)];
     let window = Window::new([options.from, options.to], &scene, [first, last])?;
     let folder = options.out.clone().unwrap_or_else(|| options.folder.join(ANALYSIS));
-    let mut analysis =
-        Analysis { options, folder, scene, window, rows: vec![], notes: vec![], made: vec![] };
+    let mut analysis = Analysis { options, folder, scene, window, rows: vec![], notes: vec![], made: vec![] };
     // All that can be wrong with the options and the series, before anything is written.
     let even = series.as_ref().map(|series| analysis.series(series)).transpose()?;
     let spectra = match (&series, even) {
@@ -117,7 +116,9 @@ pub fn analyse(options: &Options) -> Result<u8> {
     if let Some(lens) = &lens {
         analysis.frames(lens, &seen)?;
     } else if moments.is_empty() {
-        analysis.notes.push("there are no frames (`output.frame_interval`): no bed, bubbles, mixing, profiles".into());
+        analysis
+            .notes
+            .push("there are no frames (`output.frame_interval`): no bed, bubbles, mixing, profiles".into());
     }
     analysis.fields(&moments)?;
     analysis.finish()?;
@@ -296,7 +297,9 @@ impl Analysis<'_> {
         })?;
         if even.rows.len() < rows.len() {
             let left_out = rows.len() - even.rows.len();
-            self.notes.push(format!("{left_out} row(s) at the ends of the window are off its even times and left out"));
+            self.notes.push(format!(
+                "{left_out} row(s) at the ends of the window are off its even times and left out"
+            ));
         }
         for name in series.names().iter().filter(|name| *name != TIME) {
             let values = &series.column(name).unwrap_or_default()[even.rows.clone()];
@@ -452,7 +455,8 @@ impl Analysis<'_> {
         let even = match Even::new(&times, self.window.rows(&times)) {
             Ok(even) if !even.rows.is_empty() => even,
             Ok(_) => {
-                self.notes.push("the window has no frames: no profiles, and no means of what frames show".into());
+                self.notes
+                    .push("the window has no frames: no profiles, and no means of what frames show".into());
                 return Ok(());
             }
             Err(row) => {
@@ -564,7 +568,8 @@ impl Analysis<'_> {
                 self.made.push(path);
                 for field in &means.fields {
                     if let Some(why) = &field.unknown {
-                        self.notes.push(format!("errors of the mean field {} are not known: {why}", field.name));
+                        self.notes
+                            .push(format!("errors of the mean field {} are not known: {why}", field.name));
                     }
                 }
             }
@@ -629,7 +634,8 @@ fn diameter(seen: &[Seen], of_interest: impl Fn(&Bubble) -> bool) -> Estimate {
 
 /// Number and diameter of bubbles in parts of the height of the bed above its floor.
 fn bubbles_by_height(seen: &[Seen], floor: f64) -> Vec<BubblesAt> {
-    let surface = seen.iter().filter_map(|one| one.heights).map(|heights| heights.surface).fold(0.0, f64::max);
+    let surface =
+        seen.iter().filter_map(|one| one.heights).map(|heights| heights.surface).fold(0.0, f64::max);
     let part = surface / HEIGHTS as f64;
     let is_in = |k: usize| {
         move |bubble: &Bubble| {

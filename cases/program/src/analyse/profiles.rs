@@ -117,7 +117,9 @@ mod tests {
         let found = layers.of(&y, &velocity, &radius, &solid);
         let sum = |of: fn(&Layer) -> f64| found.iter().map(of).sum::<f64>() * 0.2;
         assert!((sum(|layer| layer.solid) - 5e-3).abs() < 1e-15);
-        assert!((sum(|layer| layer.up) - 1.2e-2).abs() < 1e-15 && (sum(|layer| layer.down) - 1e-3).abs() < 1e-15);
+        assert!(
+            (sum(|layer| layer.up) - 1.2e-2).abs() < 1e-15 && (sum(|layer| layer.down) - 1e-3).abs() < 1e-15
+        );
         assert!((found[1].solid - found[2].solid).abs() < 1e-15 && found[5].down > 0.0 && found[5].up == 0.0);
     }
 
@@ -132,6 +134,9 @@ mod tests {
         (one.points, one.cells) = (vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.5, 1.0, 0.0]], vec![0, 1, 2]);
         let layers = Layers::of_box([0.0, 0.0], [2.0, 1.0], 0.25).of_mesh(&one);
         let exact = |k: f64| 0.25 * 2.0 * (1.0 - 0.25 * (k + 0.5));
-        assert!(layers.area.iter().zip(0..).all(|(area, k)| (area - exact(f64::from(k))).abs() < 1e-12), "{layers:?}");
+        assert!(
+            layers.area.iter().zip(0..).all(|(area, k)| (area - exact(f64::from(k))).abs() < 1e-12),
+            "{layers:?}"
+        );
     }
 }

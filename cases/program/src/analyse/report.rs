@@ -107,7 +107,7 @@ const MEANINGS: [(Verdict, &str); 5] = [
     ),
     (
         Verdict::TooShort,
-        "the window holds fewer than 20 independent samples, or too few periods of an oscillation: the error cannot be \
+        "the window holds fewer than 30 independent samples, or too few periods of an oscillation: the error cannot be \
          known; run longer",
     ),
     (
@@ -116,7 +116,7 @@ const MEANINGS: [(Verdict, &str); 5] = [
          longer",
     ),
     (Verdict::Gaps, "some rows are NaN; mean and deviation are those of the others"),
-    (Verdict::TooFewRows, "the window has fewer than 16 rows"),
+    (Verdict::TooFewRows, "the window has fewer than 30 rows"),
 ];
 
 /// A number with four digits.

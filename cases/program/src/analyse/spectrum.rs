@@ -48,8 +48,7 @@ impl Spectrum {
         if length < FEWEST || variance <= 0.0 || !variance.is_finite() {
             return None;
         }
-        let window: Vec<f64> =
-            (0..length).map(|k| (PI * k as f64 / length as f64).sin().powi(2)).collect();
+        let window: Vec<f64> = (0..length).map(|k| (PI * k as f64 / length as f64).sin().powi(2)).collect();
         let weight: f64 = window.iter().map(|w| w * w).sum();
         let fourier = FftPlanner::new().plan_fft_forward(length);
         let bins = length / 2 + 1;

@@ -22,11 +22,7 @@ impl Window {
     ///
     /// # Errors
     /// It is empty, or the run has nothing in it.
-    pub fn new(
-        [from, to]: [Option<f64>; 2],
-        scene: &Scene,
-        [first, last]: [f64; 2],
-    ) -> Result<Window> {
+    pub fn new([from, to]: [Option<f64>; 2], scene: &Scene, [first, last]: [f64; 2]) -> Result<Window> {
         let usual = match &scene.output.average {
             Some(average) if average.from < last => [average.from, average.to],
             _ => [0.5 * (first + last), last],
