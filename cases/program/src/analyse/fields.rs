@@ -13,7 +13,8 @@ const PAIRS: usize = BATCHES / 2;
 const FEWEST: usize = 2;
 /// By how much the error grows, at most, where batches become twice as long.
 const GROWS: f64 = 1.2;
-/// Root mean square over the nodes of the difference of the halves, in standard errors, above which fields drift.
+/// Difference of the halves over its standard error, both in the root mean square over the nodes, above which fields
+/// drift.
 const DRIFTS: f64 = 2.0;
 
 /// Mean fields at the nodes of a mesh.
@@ -109,11 +110,18 @@ impl Field {
         let long: Vec<f64> = (0..count).map(|k| square(2, k)).collect();
         let (sum, short) = (long.iter().sum::<f64>(), (0..count).map(|k| square(1, k)).sum::<f64>());
         let grows = (sum / short).sqrt();
-        // Of values that do not change beyond rounding nothing is known but that.
-        let size = mean.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-        let changes: Vec<usize> = (0..count).filter(|k| long[*k].sqrt() > 1e-12 * size).collect();
-        let drift = |k: usize| (over(PAIRS..BATCHES, k) - over(0..PAIRS, k)).powi(2) / (4.0 * long[k]);
-        let drifts = (changes.iter().map(|k| drift(*k)).sum::<f64>() / changes.len().max(1) as f64).sqrt();
+        // The error without what a straight line takes away: a drift would hide in the scatter of the batches.
+        let (mut halves, mut rest) = (0.0, 0.0);
+        for k in 0..count {
+            let means: Vec<f64> = (0..PAIRS).map(|pair| over(2 * pair..2 * pair + 2, k)).collect();
+            let place = |pair: usize| pair as f64 - 0.5 * (PAIRS - 1) as f64;
+            let along = means.iter().enumerate().map(|(pair, mean)| place(pair) * mean).sum::<f64>()
+                / (0..PAIRS).map(|pair| place(pair).powi(2)).sum::<f64>();
+            let left = |(pair, value): (usize, &f64)| (value - mean[k] - along * place(pair)).powi(2);
+            rest += means.iter().enumerate().map(left).sum::<f64>() / ((PAIRS - 2) * PAIRS) as f64;
+            halves += (over(PAIRS..BATCHES, k) - over(0..PAIRS, k)).powi(2);
+        }
+        let drifts = 0.5 * (halves / rest).sqrt();
         let unknown = if !sum.is_finite() {
             Some("some values are no number".to_owned())
         } else if drifts > DRIFTS {
