@@ -54,6 +54,8 @@ enum Command {
     Compare(compare::Options),
     /// Solve cases with known answers; exit code 1 if one is missed by more than is allowed.
     Verify(voidage_verification::Options),
+    /// Run experiments that were measured; exit code 1 if one is missed by more than is allowed.
+    Validate(voidage_verification::Options),
     /// Map what is stable: every coupling scheme over density, step, voidage and so on, against theory.
     Stability(voidage_stability::Options),
     /// Measure error against run time over mesh, step, tolerance, scheme, solver; goes on where it stopped. Exit code 1
@@ -141,7 +143,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let quiet = match &arguments.command {
         Command::Run(options) => options.quiet,
         Command::Compare(options) => options.quiet,
-        Command::Verify(options) => options.suite.quiet,
+        Command::Verify(options) | Command::Validate(options) => options.suite.quiet,
         Command::Stability(options) => options.suite.quiet,
         Command::Study(options) => options.quiet(),
         Command::Measure => true,
@@ -167,6 +169,7 @@ fn perform(command: Command) -> Result<u8> {
         Command::Run(options) => run::run(&options),
         Command::Compare(options) => compare::compare(&options),
         Command::Verify(options) => voidage_verification::verify(&options),
+        Command::Validate(options) => voidage_validation::validate(&options),
         Command::Stability(options) => voidage_stability::stability(&options),
         Command::Study(options) => voidage_studies::study(&options),
         Command::Measure => voidage_studies::measure(),

@@ -9,7 +9,7 @@ use voidage_coupling::Result;
 pub struct Case {
     /// Name for `--only`.
     pub name: &'static str,
-    /// Group: `fluid`, `coupled` or `grains`.
+    /// Group, which shares its pictures: of verification `fluid`, `coupled` or `grains`.
     pub group: &'static str,
     /// What is solved, in one sentence.
     pub title: &'static str,

@@ -48,15 +48,25 @@ pub fn cases() -> Vec<Case> {
 /// # Errors
 /// Unknown names, files that cannot be written.
 pub fn verify(options: &Options) -> Result<u8> {
-    let (chosen, suite) = (choose(&options.only)?, &options.suite);
+    solve_all("verification", &cases(), options)
+}
+
+/// Solves those of `all` that are chosen, into tables and pictures of the name of the collection; exit code 1 if a
+/// finding is outside of what is allowed.
+///
+/// # Errors
+/// Unknown names, files that cannot be written.
+pub fn solve_all(collection: &str, all: &[Case], options: &Options) -> Result<u8> {
+    let (chosen, suite) = (choose(all, &options.only)?, &options.suite);
     if suite.list {
         list(&chosen);
         return Ok(0);
     }
     start_threads(suite.threads)?;
-    let folder = suite.folder("out/verification");
+    let folder = suite.folder(&format!("out/{collection}"));
     create_folder(&folder)?;
-    let mut record = Record::create(&folder)?;
+    let table = folder.join(format!("{collection}.csv"));
+    let mut record = Record::create(&table)?;
     let mut drawn: BTreeMap<&str, Vec<Panel>> = BTreeMap::new();
     let (mut missed, mut count) = (0, 0);
     let points = Points {
@@ -78,11 +88,11 @@ pub fn verify(options: &Options) -> Result<u8> {
         Ok(())
     })?;
     for (group, panels) in drawn {
-        for page in panels::pages(&folder, &format!("verification-{group}"), &panels)? {
+        for page in panels::pages(&folder, &format!("{collection}-{group}"), &panels)? {
             println!("{}", page.display());
         }
     }
-    println!("{}", folder.join("verification.csv").display());
+    println!("{}", table.display());
     println!("{} of {count} findings are outside of what is allowed", missed);
     Ok(u8::from(missed > 0))
 }
@@ -97,18 +107,17 @@ pub fn solve(case: &Case, effort: Effort) -> Outcome {
 }
 
 /// The cases of the given names and groups, all without.
-fn choose(names: &[String]) -> Result<Vec<Case>> {
-    let all = cases();
+fn choose(all: &[Case], names: &[String]) -> Result<Vec<Case>> {
     let named = |case: &Case, name: &String| case.name == name || case.group == name;
     if let Some(name) = names.iter().find(|name| !all.iter().any(|case| named(case, name))) {
-        let known: Vec<&str> = all.iter().map(|case| case.name).collect();
-        let help = format!("use fluid, coupled, grains or one of {}", known.join(", "));
+        let mut known: Vec<&str> = all.iter().map(|case| case.group).collect();
+        known.dedup();
+        known.extend(all.iter().map(|case| case.name));
+        let help = format!("use one of {}", known.join(", "));
         return Err(Error::input(Notice::new(format!("--only {name}: there is no such case"), help)));
     }
-    Ok(all
-        .into_iter()
-        .filter(|case| names.is_empty() || names.iter().any(|name| named(case, name)))
-        .collect())
+    let chosen = |case: &&Case| names.is_empty() || names.iter().any(|name| named(case, name));
+    Ok(all.iter().filter(chosen).copied().collect())
 }
 
 fn list(cases: &[Case]) {

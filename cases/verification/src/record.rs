@@ -1,5 +1,4 @@
-//! The tables, written as cases finish: `verification.csv`, one row per finding, and `curves.csv`, the points of the
-//! plots.
+//! The tables, written as cases finish: one row per finding, and `curves.csv` beside it, the points of the plots.
 
 use super::{Case, Outcome};
 use serde::Serialize;
@@ -43,10 +42,10 @@ struct Point<'a> {
 }
 
 impl Record {
-    /// Empty tables in a folder: what another version found is no finding of this one.
-    pub fn create(folder: &Path) -> Result<Self> {
-        let findings = Table::create(&folder.join("verification.csv"))?;
-        Ok(Self { findings, curves: Table::create(&folder.join("curves.csv"))? })
+    /// An empty table of findings, and one of curves: what another version found is no finding of this one.
+    pub fn create(findings: &Path) -> Result<Self> {
+        let curves = Table::create(&findings.with_file_name("curves.csv"))?;
+        Ok(Self { findings: Table::create(findings)?, curves })
     }
 
     /// Adds what a case gave in `wall` seconds.

@@ -1,0 +1,259 @@
+//! A column of beads that collapses in a viscous liquid, loose or dense: Rondon et al. 2011.
+
+use crate::fields::{floor_pressure, shares, top};
+use crate::measured::{Points, between, rows};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use tracing::{info, warn};
+use voidage_campaign::Effort;
+use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_coupling::{Error, Result};
+use voidage_scene::recorder::{Checkpoint, Kept, Stamp};
+use voidage_scene::{Scene, Simulation, Watch};
+use voidage_verification::{Case, Finding, Outcome};
+
+const SOURCE: &str = "Rondon, Pouliquen and Aussillous 2011 (Physics of Fluids 23, 073301), as tabulated with SedFoam \
+                      (tutorials/Py/DATA/Rondon2012)";
+
+/// The loose column, which runs out within a second.
+pub const LOOSE: Case = Case {
+    name: "collapse-loose",
+    group: "experiments",
+    title: "a loose column of beads collapses in a viscous liquid: profiles, front and pore pressure",
+    source: SOURCE,
+    run: |effort| run(&COLUMNS[0], effort),
+};
+
+/// The dense column, which erodes from its side for half a minute.
+pub const DENSE: Case = Case {
+    name: "collapse-dense",
+    group: "experiments",
+    title: "a dense column of beads collapses in a viscous liquid: profiles, front and pore pressure",
+    source: SOURCE,
+    run: |effort| run(&COLUMNS[1], effort),
+};
+
+const COLLAPSE: &str = include_str!("../collapse.toml");
+const PROFILES: &str = include_str!("../data/collapse-profiles.csv");
+const FRONTS: &str = include_str!("../data/collapse-front.csv");
+const PRESSURES: &str = include_str!("../data/collapse-pressure.csv");
+
+/// One of the two columns.
+struct Column {
+    name: &'static str,
+    /// Scene that packs it.
+    packing: &'static str,
+    /// Grains of the quick form.
+    coarse: usize,
+    /// Height before, m.
+    height: f64,
+    /// Times of the measured profiles that are run, s.
+    profiles: &'static [f64],
+    /// Latest time at which the pore pressure is compared, s.
+    pressures: f64,
+    step: f64,
+}
+
+const COLUMNS: [Column; 2] = [
+    Column {
+        name: "loose",
+        packing: include_str!("../packing-loose.toml"),
+        coarse: 869,
+        height: 0.048,
+        profiles: &[0.66, 1.32, 4.0],
+        pressures: 3.5,
+        step: 1e-3,
+    },
+    Column {
+        name: "dense",
+        packing: include_str!("../packing-dense.toml"),
+        coarse: 820,
+        height: 0.042,
+        profiles: &[3.0, 9.0],
+        pressures: 7.0,
+        step: 2e-3,
+    },
+];
+
+/// The front is where a profile is this high, m.
+const NOSE: f64 = 2e-3;
+/// The surface is where the share of solid falls through half of that of the beads in the column.
+const SURFACE: f64 = 0.28;
+/// Where the pore pressure was measured, and where that of the liquid alone is taken, m.
+const TAP: [f64; 2] = [0.02, 0.03];
+const FAR: [f64; 2] = [0.23, 0.24];
+
+#[derive(Deserialize)]
+struct ProfileRow {
+    column: String,
+    time_s: f64,
+    x_m: f64,
+    height_m: f64,
+}
+
+/// A value at a time: the table of fronts, and that of pore pressures.
+#[derive(Deserialize)]
+struct TimeRow {
+    column: String,
+    time_s: f64,
+    #[serde(alias = "front_m", alias = "pressure_Pa")]
+    value: f64,
+}
+
+impl Column {
+    fn profile(&self, time: f64) -> Points {
+        let rows: Vec<ProfileRow> = rows(PROFILES);
+        let mine = rows.iter().filter(|row| row.column == self.name && row.time_s == time);
+        mine.map(|row| (row.x_m, row.height_m)).collect()
+    }
+
+    fn over_time(&self, table: &str) -> Points {
+        let rows: Vec<TimeRow> = rows(table);
+        rows.iter().filter(|row| row.column == self.name).map(|row| (row.time_s, row.value)).collect()
+    }
+
+    /// Packs the column and leaves it in a file; with its height, m, which is twice that of its centre.
+    fn pack(&self, changes: &[String], folder: &Path) -> Result<(PathBuf, f64)> {
+        let place = PathBuf::from(format!("cases/validation/packing-{}.toml", self.name));
+        let scene = Scene::parse(&place, self.packing, changes)?;
+        let mut simulation = Simulation::new(&scene)?;
+        let mut watch = Watch::new(scene.stop.as_ref());
+        while simulation.time() < scene.time.end {
+            simulation.step()?;
+            if watch.after_step(simulation.time(), || simulation.fastest(), 0.0).is_some() {
+                break;
+            }
+        }
+        let file = folder.join("packing.voidage");
+        let stamp = Stamp { scene_hash: scene.hash()?, step: simulation.steps(), time: simulation.time() };
+        let kept = Kept { averages: None, course: scene.course_toml()? };
+        Checkpoint::write(&file, &stamp, &simulation.state()?, &kept)?;
+        let grains = simulation.view().grains;
+        let height = grains.map_or(f64::NAN, |grains| 2.0 * grains.mean(|i| grains.position[i].y));
+        info!("{} column: {:.1} mm high", self.name, 1e3 * height);
+        Ok((file, height))
+    }
+}
+
+/// Height of the grains over x, m.
+fn surface(simulation: &mut Simulation) -> Result<Points> {
+    let columns = shares(simulation, 0)?;
+    Ok(columns.iter().map(|(x, column)| (*x, top(column, SURFACE))).collect())
+}
+
+/// The furthest place at which a profile is as high as the nose of the front.
+fn front(profile: &[(f64, f64)]) -> f64 {
+    top(profile, NOSE)
+}
+
+/// Mean distance of two profiles up to the further one of their ends, over a height.
+fn apart(computed: &[(f64, f64)], measured: &[(f64, f64)], height: f64) -> f64 {
+    let end = front(computed).max(measured.last().map_or(0.0, |point| point.0));
+    let places = (0..200).map(|k| (k as f64 + 0.5) / 200.0 * end);
+    places.map(|x| (between(computed, x, 0.0) - between(measured, x, 0.0)).abs()).sum::<f64>()
+        / 200.0
+        / height
+}
+
+/// How much of a column is run.
+struct Form {
+    /// Changes of its packing.
+    packing: Vec<String>,
+    /// Changes of the collapse.
+    collapse: Vec<String>,
+    /// Times of the profiles, s.
+    profiles: &'static [f64],
+    /// End of the run, s.
+    end: f64,
+    /// How many times as far off it may be.
+    slack: f64,
+}
+
+impl Column {
+    /// The quick form has grains and elements twice as large, with the viscosity that keeps the permeability. It ends at
+    /// the first profile of the loose column, and behind the first pore pressure of the dense one.
+    fn form(&self, effort: Effort) -> Form {
+        let step = format!("time.step={}", self.step);
+        if effort == Effort::Full {
+            let end = self.profiles.last().copied().unwrap_or(0.0);
+            return Form { packing: vec![], collapse: vec![step], profiles: self.profiles, end, slack: 1.0 };
+        }
+        let radii = "grains[0].radius={uniform=[7.6e-4,1.04e-3]}".to_owned();
+        let amount = format!("grains[0].amount.count={}", self.coarse);
+        let viscosity = "fluid.viscosity=0.776".to_owned();
+        let squares = "fluid.mesh.rectangle.structured.squares=[62,20]".to_owned();
+        let [packing, collapse] = [vec![radii, amount], vec![step, viscosity, squares]];
+        let loose = self.profiles[0] < 1.0;
+        let (profiles, end) = if loose { (&self.profiles[..1], self.profiles[0]) } else { (&[][..], 1.2) };
+        Form { packing, collapse, profiles, end, slack: 2.0 }
+    }
+}
+
+fn run(column: &Column, effort: Effort) -> Result<Outcome> {
+    let folder =
+        tempfile::tempdir().map_err(|error| Error::file(&std::env::temp_dir(), "make a folder in", error))?;
+    let Form { packing, mut collapse, profiles, end, slack } = column.form(effort);
+    let (file, height) = column.pack(&packing, folder.path())?;
+    collapse.push(format!("grains[0].placement.state.file={:?}", file.display().to_string()));
+    let scene = Scene::parse(Path::new("cases/validation/collapse.toml"), COLLAPSE, &collapse)?;
+    let mut simulation = Simulation::new(&scene)?;
+    let (mut fronts, mut pressures) = (Points::new(), Points::new());
+    let mut findings =
+        vec![Finding::relative("height of the column before", "m", column.height, height, 0.03)];
+    let mut panels = Vec::new();
+    let every = (0.01 / scene.time.step).round() as u64;
+    let mut wanted = profiles.iter().copied().peekable();
+    while simulation.time() < end - 0.5 * scene.time.step {
+        simulation.step()?;
+        let time = simulation.time();
+        if simulation.steps().is_multiple_of(every) {
+            fronts.push((time, front(&surface(&mut simulation)?)));
+            let far = floor_pressure(&mut simulation, FAR)?;
+            pressures.push((time, floor_pressure(&mut simulation, TAP)? - far));
+        }
+        let Some(at) = wanted.next_if(|at| time > at - 0.5 * scene.time.step) else { continue };
+        let (computed, measured) = (surface(&mut simulation)?, column.profile(at));
+        let distance = apart(&computed, &measured, column.height);
+        let what = format!("profile at {at} s, mean distance over the height before");
+        findings.push(Finding::at_most(what, "1", 0.1 * slack, distance));
+        let [expected, found] = [&measured, &computed].map(|profile| front(profile));
+        findings.push(Finding::relative(format!("front at {at} s"), "m", expected, found, 0.15 * slack));
+        panels.push(Panel {
+            curves: vec![
+                Curve::known("measured", scaled(measured, [1e2, 1e2])),
+                Curve::measured("computed", scaled(computed, [1e2, 1e2])),
+            ],
+            ..Panel::new(format!("{} column at {at} s", column.name), "x (cm)", "height (cm)")
+        });
+    }
+    simulation.shortcomings().iter().for_each(|line| warn!("{line}"));
+    let measured = column.over_time(PRESSURES);
+    for (time, pressure) in measured.iter().filter(|(time, _)| *time <= column.pressures.min(end)) {
+        let computed = between(&pressures, *time, f64::NAN);
+        let what = format!("pore pressure at {time} s");
+        findings.push(Finding::absolute(what, "Pa", *pressure, computed, 35.0 * slack));
+    }
+    let until =
+        |points: Points| points.into_iter().filter(|(time, _)| *time <= 1.2 * end).collect::<Points>();
+    let seen = profiles.iter().map(|at| (*at, front(&column.profile(*at)))).collect();
+    panels.push(Panel {
+        headroom: 0.2,
+        curves: vec![
+            Curve::known("from the measured profiles", scaled(seen, [1.0, 1e2])),
+            Curve::dashes("stated", scaled(until(column.over_time(FRONTS)), [1.0, 1e2])),
+            Curve::measured("computed", scaled(fronts, [1.0, 1e2])),
+        ],
+        ..Panel::new(format!("{} column: front", column.name), "t (s)", "x (cm)")
+    });
+    panels.push(Panel {
+        headroom: 0.2,
+        curves: vec![Curve::known("measured", until(measured)), Curve::measured("computed", pressures)],
+        ..Panel::new(format!("{} column: pore pressure", column.name), "t (s)", "pressure (Pa)")
+    });
+    Ok(Outcome { findings, panels })
+}
+
+/// A curve in other units.
+fn scaled(points: Points, factors: [f64; 2]) -> Points {
+    points.into_iter().map(|(x, y)| (factors[0] * x, factors[1] * y)).collect()
+}

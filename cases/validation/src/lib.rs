@@ -1,0 +1,23 @@
+//! `voidage validate`: experiments that were measured, run again.
+//!
+//! A case is one file: its scenes, the measured data and the findings. Data, sources and what is allowed were fixed
+//! before the first run, and no constant of a scene was fitted to what was measured.
+
+mod collapse;
+mod fields;
+mod measured;
+mod sedimentation;
+
+use voidage_coupling::Result;
+use voidage_verification::{Case, Options, solve_all};
+
+/// All experiments, in the order in which they run.
+pub const CASES: &[Case] = &[sedimentation::CASE, collapse::LOOSE, collapse::DENSE];
+
+/// Runs the experiments; exit code 1 if a finding is outside of what is allowed.
+///
+/// # Errors
+/// Unknown names, files that cannot be written.
+pub fn validate(options: &Options) -> Result<u8> {
+    solve_all("validation", CASES, options)
+}

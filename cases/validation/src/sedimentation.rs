@@ -1,0 +1,97 @@
+//! A suspension that settles: Pham Van Bang et al. 2008.
+
+use crate::fields::{bottom, shares, top};
+use crate::measured::{Points, between, rows, slope};
+use std::path::Path;
+use tracing::warn;
+use voidage_campaign::Effort;
+use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_coupling::Result;
+use voidage_scene::{Scene, Simulation};
+use voidage_verification::{Case, Finding, Outcome};
+
+/// The case.
+pub const CASE: Case = Case {
+    name: "sedimentation",
+    group: "experiments",
+    title: "polystyrene beads settle in silicone oil: heights of the suspension and of the deposit",
+    source: "Pham Van Bang, Lefrancois, Sergent and Bertrand 2008 (La Houille Blanche), magnetic resonance imaging, as \
+             tabulated with SedFoam (tutorials/Py/DATA/exp_lmsgc.py)",
+    run,
+};
+
+const SCENE: &str = include_str!("../sedimentation.toml");
+const INTERFACE: &str = include_str!("../data/sedimentation-interface.csv");
+const DEPOSIT: &str = include_str!("../data/sedimentation-deposit.csv");
+
+/// Time before the first picture, s, in which the suspension had settled already: SedFoam's tutorial shifts the times by
+/// as much.
+const BEFORE: f64 = 172.0;
+/// Solid fraction at the upper interface, as measured; and half-way between the suspension, 0.49, and the deposit,
+/// 0.576, which follows from the heights at the first and at the last time.
+const CLEAR: f64 = 0.25;
+const SETTLED: f64 = 0.533;
+
+/// Mean share of solid of each row of nodes. The lowest is left out: it has only the half above the floor.
+fn profile(simulation: &mut Simulation) -> Result<Points> {
+    let rows = shares(simulation, 1)?;
+    let mean = |row: &[(f64, f64)]| row.iter().map(|node| node.1).sum::<f64>() / row.len() as f64;
+    Ok(rows.iter().skip(1).map(|(y, row)| (*y, mean(row))).collect())
+}
+
+/// The quick form has a strip that is half as wide, steps that are five times as long, and is measured up to 180 s.
+fn run(effort: Effort) -> Result<Outcome> {
+    let quick = [
+        "time.step=5",
+        "periodic.x=[0.0,3.0732e-3]",
+        "grains[0].placement.lattice.upper=[3.0732e-3,0.0535]",
+        "walls[0].to=[3.0732e-3,0.0]",
+        "fluid.mesh.rectangle.upper=[3.0732e-3,0.06]",
+        "fluid.mesh.rectangle.structured.squares=[3,60]",
+    ];
+    let (changes, last) = effort.pick((quick.map(String::from).to_vec(), 180.0), (vec![], 1140.0));
+    let scene = Scene::parse(Path::new("cases/validation/sedimentation.toml"), SCENE, &changes)?;
+    let mut simulation = Simulation::new(&scene)?;
+    let (mut interface, mut deposit) = (Points::new(), Points::new());
+    let steps = ((BEFORE + last) / scene.time.step).ceil() as usize;
+    for step in 0..=steps {
+        if step % 5 == 0 {
+            let (time, profile) = (simulation.time() - BEFORE, profile(&mut simulation)?);
+            interface.push((time, top(&profile, CLEAR)));
+            deposit.push((time, bottom(&profile, SETTLED)));
+        }
+        simulation.step()?;
+    }
+    simulation.shortcomings().iter().for_each(|line| warn!("{line}"));
+    let measured: [Points; 2] = [rows(INTERFACE), rows(DEPOSIT)];
+    let until: Points = measured[1].iter().copied().filter(|point| point.0 <= last).collect();
+    let computed: Points =
+        until.iter().map(|(time, _)| (*time, between(&deposit, *time, f64::NAN))).collect();
+    let off = until.iter().zip(&computed).map(|(a, b)| (a.1 - b.1).powi(2)).sum::<f64>();
+    let off = (off / until.len() as f64).sqrt();
+    let [first, end] = [measured[0][0], measured[0][1]];
+    let speed = (first.1 - end.1) / (end.0 - first.0);
+    let fall: Points =
+        interface.iter().copied().filter(|(time, _)| (0.0..=last.min(900.0)).contains(time)).collect();
+    let mut findings = vec![
+        Finding::relative("speed at which the suspension sinks", "m/s", speed, -slope(&fall), 0.15),
+        Finding::relative("speed at which the deposit rises", "m/s", slope(&until), slope(&computed), 0.25),
+        Finding::at_most("height of the deposit, root mean square deviation", "m", 3e-3, off),
+    ];
+    if effort == Effort::Full {
+        let height = between(&interface, end.0, f64::NAN);
+        findings.push(Finding::relative("height at the end", "m", end.1, height, 0.03));
+    }
+    let millimetres = |points: &[(f64, f64)]| points.iter().map(|(t, y)| (*t, 1e3 * y)).collect::<Points>();
+    let panel = Panel {
+        headroom: 0.2,
+        curves: vec![
+            Curve::known("interface, measured", millimetres(&measured[0])),
+            Curve::measured("interface", millimetres(&interface)),
+            Curve::known("deposit, measured", millimetres(&measured[1])),
+            Curve::measured("deposit", millimetres(&deposit)),
+        ],
+        ..Panel::new("A suspension settles", "t (s)", "height (mm)")
+    };
+    Ok(Outcome { findings, panels: vec![panel] })
+}
