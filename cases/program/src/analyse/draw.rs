@@ -6,9 +6,6 @@ use std::path::Path;
 use voidage_campaign::plot::panels::{self, Curve, Panel};
 use voidage_coupling::Result;
 
-/// Panels in a row.
-const ROW: usize = 3;
-
 /// Spectra of columns, each beside red noise.
 pub fn spectra(path: &Path, spectra: &[(String, Spectrum)]) -> Result<()> {
     let panel = |(column, found): &(String, Spectrum)| {
@@ -29,7 +26,7 @@ pub fn spectra(path: &Path, spectra: &[(String, Spectrum)]) -> Result<()> {
         panel.curves.push(Curve::dashes("red noise", points(&found.noise)));
         panel
     };
-    panels::large(path, ROW - 1, &spectra.iter().map(panel).collect::<Vec<_>>())
+    panels::large(path, 2, &spectra.iter().map(panel).collect::<Vec<_>>())
 }
 
 /// A curve of the frames; none where all values are no number.
@@ -56,19 +53,15 @@ pub fn bed(path: &Path, rows: &[BedRow]) -> Result<()> {
         mixing.curves.push(Curve::dashes("", limit(0.0)));
     }
     sheet.extend([height, mixing].into_iter().filter(|panel| !panel.curves.is_empty()));
-    panels::large(path, ROW - 1, &sheet)
+    panels::large(path, 2, &sheet)
 }
 
-/// A value with its error, as a point and a bar.
-fn bar(curves: &mut Vec<Curve>, name: &str, points: &[(f64, f64, f64)], errors_along_x: bool) {
+/// Values over the height, each as a point and a bar of its error.
+fn bar(curves: &mut Vec<Curve>, name: &str, points: &[(f64, f64, f64)]) {
     let known = points.iter().filter(|(x, y, _)| x.is_finite() && y.is_finite());
     curves.push(Curve::joined(name, known.clone().map(|(x, y, _)| (*x, *y)).collect()));
     for (x, y, error) in known.filter(|(_, _, error)| error.is_finite()) {
-        let ends = match errors_along_x {
-            true => vec![(x - error, *y), (x + error, *y)],
-            false => vec![(*x, y - error), (*x, y + error)],
-        };
-        curves.push(Curve::measured("", ends));
+        curves.push(Curve::measured("", vec![(x - error, *y), (x + error, *y)]));
     }
 }
 
@@ -82,21 +75,23 @@ pub fn bubbles(
 ) -> Result<()> {
     let mut number = Panel::new("bubbles over time", "time (s)", "number in a frame");
     number.curves.extend(over_time(rows, "", |row| row.bubbles));
-    let mut diameter = Panel::new("size, with standard errors", "equivalent diameter (mm)", "height (mm)");
+    let mut each = Panel::new("each bubble", "equivalent diameter (mm)", "height (mm)");
     let points = all.iter().map(|one| (1e3 * one.diameter_m, 1e3 * (one.y_m - floor))).collect();
-    diameter.curves.push(Curve::known("each bubble", points));
+    each.curves.push(Curve::known("", points));
+    let mut diameter =
+        Panel::new("mean size, with standard errors", "equivalent diameter (mm)", "height (mm)");
     let means: Vec<_> = by_height
         .iter()
         .map(|at| (1e3 * at.diameter_m, 1e3 * at.height_m, 1e3 * at.diameter_standard_error_m))
         .collect();
-    bar(&mut diameter.curves, "mean", &means, true);
-    let mut frequency = Panel::new("number, with standard errors", "bubbles in a frame", "height (mm)");
+    bar(&mut diameter.curves, "", &means);
+    let mut frequency = Panel::new("mean number, with standard errors", "bubbles in a frame", "height (mm)");
     let means: Vec<_> = by_height
         .iter()
         .map(|at| (at.bubbles_per_frame, 1e3 * at.height_m, at.bubbles_per_frame_standard_error))
         .collect();
-    bar(&mut frequency.curves, "", &means, true);
-    panels::grid(path, ROW, &[number, diameter, frequency])
+    bar(&mut frequency.curves, "", &means);
+    panels::grid(path, 2, &[number, each, frequency, diameter])
 }
 
 /// Profiles of solid fraction and flux over the height.
@@ -109,14 +104,14 @@ pub fn profiles(path: &Path, rows: &[ProfileRow], frames: usize) -> Result<()> {
     };
     let title = format!("mean of {frames} frames, with standard errors");
     let mut solid = Panel::new(title.clone(), "solid fraction", "height (mm)");
-    bar(&mut solid.curves, "", &points(|row| (row.solid_fraction, row.solid_fraction_standard_error)), true);
+    bar(&mut solid.curves, "", &points(|row| (row.solid_fraction, row.solid_fraction_standard_error)));
     let mut flux = Panel::new(title, "flux of solid (mm/s)", "height (mm)");
     let up = |row: &ProfileRow| (1e3 * row.upward_flux_m_per_s, 1e3 * row.upward_flux_standard_error_m_per_s);
     let down =
         |row: &ProfileRow| (1e3 * row.downward_flux_m_per_s, 1e3 * row.downward_flux_standard_error_m_per_s);
     let net = |row: &ProfileRow| (1e3 * row.net_flux_m_per_s, 1e3 * row.net_flux_standard_error_m_per_s);
-    bar(&mut flux.curves, "up", &points(up), true);
-    bar(&mut flux.curves, "down", &points(down), true);
-    bar(&mut flux.curves, "up less down", &points(net), true);
-    panels::large(path, ROW - 1, &[solid, flux])
+    bar(&mut flux.curves, "up", &points(up));
+    bar(&mut flux.curves, "down", &points(down));
+    bar(&mut flux.curves, "up less down", &points(net));
+    panels::large(path, 2, &[solid, flux])
 }
