@@ -145,7 +145,7 @@ fn a_series_without_frames_is_analysed() {
     fs::write(folder.path().join("out/scene.toml"), include_str!("bed.toml")).unwrap();
     // The columns that this scene records, and one that falls out.
     let row = |k: u32| {
-        let part = if k % 2 == 0 { 1.0 } else { -1.0 };
+        let part = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         let gap = if k == 30 { "NaN".to_owned() } else { format!("{}", 0.3 * part) };
         format!("{},{},{},300,{gap}\n", f64::from(k) * 1e-3, 350.0 + 0.1 * part, 100.0 + part)
     };

@@ -245,6 +245,9 @@ struct ProfileRow {
     net_flux_verdict: &'static str,
 }
 
+/// A quantity of a frame.
+type Quantity = fn(&BedRow) -> f64;
+
 /// Heights that bubbles are counted at.
 const HEIGHTS: usize = 10;
 /// Fewest bubbles whose mean diameter has an error.
@@ -485,7 +488,7 @@ impl Analysis<'_> {
     }
 
     fn means_of_frames(&mut self, rows: &[BedRow], seen: &[Seen], step: f64) {
-        let columns: [(&str, fn(&BedRow) -> f64); 5] = [
+        let columns: [(&str, Quantity); 5] = [
             ("bed_height_from_mean_m", |row| row.bed_height_from_mean_m),
             ("bed_height_95_m", |row| row.bed_height_95_m),
             ("bubbles", |row| row.bubbles),

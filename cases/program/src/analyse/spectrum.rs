@@ -107,7 +107,7 @@ fn red_noise(values: &[f64], mean: f64, variance: f64, frequency: &[f64], step: 
 /// mean of segments that overlap by half.
 fn by_chance(segments: usize, bins: usize) -> f64 {
     // Degrees of freedom of such a mean under a Hann window: D. B. Percival and A. T. Walden, Spectral Analysis for
-    // Physical Applications (1993), section 6.17.
+    // Physical Applications (1993).
     let count = segments as f64;
     let freedom = 36.0 * count * count / (19.0 * count - 1.0);
     // Neighbours under the window are not independent: half of the bins are.

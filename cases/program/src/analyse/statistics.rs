@@ -8,7 +8,7 @@ const FEWEST: usize = 30;
 /// Fewest lengths of the memory of a series in a window that give an error.
 const LENGTHS: f64 = 30.0;
 /// The window of the sum of the autocorrelation over its value: three statistical inefficiencies are six integrated
-/// autocorrelation times, the rule of A. Sokal, Functional Integration (1997), p. 131, section 3.
+/// autocorrelation times, the rule of A. Sokal, Functional Integration (1997), p. 131.
 const SOKAL: f64 = 3.0;
 /// Length of a batch over that of the memory.
 const BATCH: f64 = 6.0;
@@ -197,7 +197,7 @@ impl Known {
             }
         }
         // The mean is that of the rows, which makes each lag of the autocovariance too small by the square of its
-        // error: U. Wolff, Comput. Phys. Commun. 156, 143 (2004), eq. 49.
+        // error: U. Wolff, Comput. Phys. Commun. 156, 143 (2004).
         let inefficiency = sum * (1.0 + (2 * window + 1) as f64 / rows) / (1.0 + sum.max(0.0) / rows);
         let deviation = (covariance[0] * (1.0 + sum.max(0.0) / rows)).sqrt();
         // No more independent values than rows.
@@ -395,10 +395,14 @@ mod tests {
         let truth = (all.iter().map(|one| one.mean * one.mean).sum::<f64>() / 200.0).sqrt();
         let good: Vec<&Estimate> = all.iter().filter(|one| one.verdict == Verdict::Good).collect();
         let mean = good.iter().map(|one| one.error).sum::<f64>() / good.len() as f64;
-        let covered = good.iter().filter(|one| one.mean.abs() < 2.0 * one.error).count() as f64 / good.len() as f64;
+        let covered =
+            good.iter().filter(|one| one.mean.abs() < 2.0 * one.error).count() as f64 / good.len() as f64;
         println!("{mean} for {truth}, {covered} covered, {} good", good.len());
         assert!(good.len() > 180, "{}", good.len());
-        assert!((0.95..1.4).contains(&(mean / truth)) && covered > 0.9, "{mean} for {truth}, {covered} covered");
+        assert!(
+            (0.95..1.4).contains(&(mean / truth)) && covered > 0.9,
+            "{mean} for {truth}, {covered} covered"
+        );
     }
 
     #[test]
