@@ -5,11 +5,13 @@ of the run.
     python3 cases/figures.py mean DIR COLUMN FROM TO     mean of a column of series.csv between two times, s
     python3 cases/figures.py cavity DIR REYNOLDS         velocity on the centre lines beside Ghia et al., as CSV
     python3 cases/figures.py heap DIR                    ends of the heap in the last frame, m
+    python3 cases/figures.py slope DIR                   angle of both sides of the heap in the last frame, degrees
     python3 cases/figures.py below DIR HEIGHT FROM TO    grains that fall below a height, 1/s, between two times, s
     python3 cases/figures.py residence DIR               mean residence time of the tracer, s
 """
 
 import csv
+import math
 import struct
 import sys
 import xml.etree.ElementTree as tree
@@ -92,6 +94,26 @@ def heap(folder: Path) -> None:
     print(f"right {ends[0]:.4f}\nleft {ends[1]:.4f}")
 
 
+def slope(folder: Path) -> None:
+    """Straight lines through the highest points over strips two mean diameters wide, from a fifth to four fifths of the
+    way between the middle and the foot."""
+    frame = frames(folder, "grains.pvd")[-1][1]
+    radii = [radius for (radius,) in column(frame, "radius_m")]
+    grains = list(zip(column(frame, "points"), radii, strict=True))
+    strip, angles = 4 * sum(radii) / len(radii), []
+    for side in (1, -1):
+        top: dict[int, float] = {}
+        for at, radius in grains:
+            number = int(side * at[0] // strip)
+            top[number] = max(top.get(number, 0.0), at[1] + radius)
+        last = max(top)
+        points = [((k + 0.5) * strip, y) for k, y in top.items() if 0.2 * last <= k <= 0.8 * last]
+        x0, y0 = (sum(values) / len(points) for values in zip(*points, strict=True))
+        steep = sum((x - x0) * (y - y0) for x, y in points) / sum((x - x0) ** 2 for x, _ in points)
+        angles.append(math.degrees(math.atan(-steep)))
+    print(f"right {angles[0]:.1f}\nleft {angles[1]:.1f}")
+
+
 def below(folder: Path, height: float, begin: float, end: float) -> None:
     counts = []
     for time, frame in frames(folder, "grains.pvd"):
@@ -116,6 +138,8 @@ def main() -> None:
             cavity(Path(folder), int(reynolds))
         case ["heap", folder]:
             heap(Path(folder))
+        case ["slope", folder]:
+            slope(Path(folder))
         case ["below", folder, height, begin, end]:
             below(Path(folder), float(height), float(begin), float(end))
         case ["residence", folder]:

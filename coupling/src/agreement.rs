@@ -58,7 +58,8 @@ pub struct Agreement {
     /// hA |T - T*|, as far as it is beyond the accuracy of the temperatures, over hA times their range, likewise; zero
     /// without heat.
     pub heat_disagreement: f64,
-    /// Whether both are within the tolerance; always for schemes that solve the fluid once.
+    /// Whether both are within the tolerances of [`crate::scheme::iterated::Iteration`]: the default ones for schemes
+    /// that solve the fluid once.
     pub converged: bool,
     /// The grains that disagree most and the larger |v - v*| of each, that of momentum (the force that the fluid did
     /// not lose, over gamma) or of the solid flux, m/s; the worst first, `None` where fewer disagree.
@@ -183,15 +184,19 @@ impl Agreement {
             true => String::new(),
             false => format!(", most at grain {}", worst.join(", ")),
         };
-        let help = match self.parts > 1 {
-            true => "the step was cut as far as coupling.cut does: set",
-            false => "set coupling.cut = {} (steps in halves where needed),",
+        let help = match (self.solves > self.parts, self.parts > 1) {
+            (false, _) => "use the scheme \"iterated\",",
+            (true, true) => "the step was cut as far as coupling.cut does: set more coupling.iteration.most,",
+            (true, false) => {
+                "set coupling.cut = {} (steps in halves where needed), more coupling.iteration.most,"
+            }
         };
+        let solutions = if self.solves == 1 { "solution" } else { "solutions" };
         let what = format!(
-            "grains and fluid disagree by {:.1e} of weight and force after {} solutions{grains}{heat}",
+            "grains and fluid disagree by {:.1e} of weight and force after {} {solutions}{grains}{heat}",
             self.disagreement, self.solves
         );
-        let help = format!("{help} more coupling.iteration.most, or a smaller time.step");
+        let help = format!("{help} or a smaller time.step");
         (!self.converged).then(|| Notice::new(what, help))
     }
 

@@ -457,6 +457,37 @@ fn what_walls_give_is_the_change_of_the_momentum_of_the_grains() {
     assert!(simulation.readings().iter().all(|(name, _)| !name.contains("torque_floor")));
 }
 
+/// Highest grain of a heap over the width of what lies, and the mass that the source gave less what is there and what
+/// the sink took, over that of the source.
+fn heap(rolling: f64) -> (f64, f64) {
+    let rolling = format!("materials.glass.rolling={rolling}");
+    let small = [
+        rolling.as_str(),
+        "walls[0].from=[-0.02,0.0]",
+        "walls[0].to=[0.02,0.0]",
+        "grains[0].amount.count=200",
+        "grains[0].placement.source.lower=[-0.005,0.03]",
+        "grains[0].placement.source.upper=[0.005,0.036]",
+    ];
+    let mut simulation = Simulation::new(&scene("heap/scene.toml", &small)).unwrap();
+    for _ in 0..1500 {
+        simulation.step().unwrap();
+    }
+    let particles = &simulation.coupled().grains().unwrap().particles;
+    let top = particles.position.iter().map(|x| x.y).fold(0.0, f64::max);
+    let mass: f64 = particles.mass.iter().sum();
+    let given = reading(&simulation, "source_feed_mass_kg_per_m");
+    let taken = reading(&simulation, "sink_edge_mass_kg_per_m");
+    (top / 0.02, (given - mass - taken) / given)
+}
+
+#[test]
+fn resistance_to_rolling_makes_a_heap_steeper() {
+    let (smooth, rough) = (heap(0.0), heap(0.3));
+    assert!(rough.0 > smooth.0 + 0.2, "height over half of the width: {} and {}", smooth.0, rough.0);
+    assert!(smooth.1.abs() < 1e-12 && rough.1.abs() < 1e-12, "{} {}", smooth.1, rough.1);
+}
+
 #[test]
 fn the_torque_on_a_wall_is_the_moment_of_its_forces() {
     // A disc lies on a lever, held from turning away by a second wall: the moment is weight times arm.

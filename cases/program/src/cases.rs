@@ -6,7 +6,7 @@ use voidage_scene::Scene;
 
 /// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads
 /// another file, so that it runs in any folder.
-pub const CASES: [(&str, &str); 19] = [
+pub const CASES: [(&str, &str); 20] = [
     ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
     ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),
     ("bubbling-bed-quick", include_str!("../../bubbling-bed/scene-quick.toml")),
@@ -18,6 +18,7 @@ pub const CASES: [(&str, &str); 19] = [
     ("droplet-digging-quick", include_str!("../../droplet-digging/scene-quick.toml")),
     ("fed-hopper", include_str!("../../fed-hopper/scene.toml")),
     ("force-chains", include_str!("../../force-chains/scene.toml")),
+    ("heap", include_str!("../../heap/scene.toml")),
     ("hopper", include_str!("../../hopper/scene.toml")),
     ("mixed-bed", include_str!("../../mixed-bed/scene.toml")),
     ("packed-bed", include_str!("../../packed-bed/scene.toml")),

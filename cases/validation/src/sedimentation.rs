@@ -54,12 +54,10 @@ fn run(effort: Effort) -> Result<Outcome> {
     let mut simulation = Simulation::new(&scene)?;
     let (mut interface, mut deposit) = (Points::new(), Points::new());
     let steps = ((BEFORE + last) / scene.time.step).ceil() as usize;
-    for step in 0..=steps {
-        if step % 5 == 0 {
-            let (time, profile) = (simulation.time() - BEFORE, profile(&mut simulation)?);
-            interface.push((time, top(&profile, CLEAR)));
-            deposit.push((time, bottom(&profile, SETTLED)));
-        }
+    for _ in 0..=steps {
+        let (time, profile) = (simulation.time() - BEFORE, profile(&mut simulation)?);
+        interface.push((time, top(&profile, CLEAR)));
+        deposit.push((time, bottom(&profile, SETTLED)));
         simulation.step()?;
     }
     simulation.shortcomings().iter().for_each(|line| warn!("{line}"));

@@ -55,6 +55,11 @@ pub trait Trial<const D: usize>: Send {
     /// The fluid solver failed or a grain left the mesh.
     fn solve(&mut self, mixture: &mut Mixture<D>, part: Part, report: &mut StepReport) -> Result<Agreement>;
 
+    /// Whether a part that ends in disagreement is done in halves: not with a scheme that takes its only answer.
+    fn repeats(&self) -> bool {
+        false
+    }
+
     /// Books what the grains got from an answer that is about to be accepted.
     fn settle(&mut self, _: &mut Mixture<D>, _: Part, agreement: Agreement) -> Agreement {
         agreement
@@ -156,7 +161,8 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             let fits = mixture.turns_over(part.dt)?.is_none();
             // Before a cell turns over the domain is remeshed, once, and the part done again.
             let renews = !fits && !renewed;
-            let halves = length > 1 && !(agreement.converged && used <= 1.0 && fits);
+            let agrees = agreement.converged || !self.scheme.repeats();
+            let halves = length > 1 && !(agrees && used <= 1.0 && fits);
             if let (true, Some(accepted)) = (renews || halves, accepted) {
                 mixture.grains.rewind();
                 // The halves start from the last accepted fluid, not from an answer that was none.

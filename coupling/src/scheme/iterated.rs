@@ -25,8 +25,11 @@ use voidage_dem::Vector;
 #[serde(deny_unknown_fields, default)]
 pub struct Iteration {
     /// Disagreement of grains and fluid at which a step counts as solved, as a share of the weight and the forces of
-    /// all grains (of the range of temperatures, for heat). Above 0. Default 1e-2.
+    /// all grains. What they disagree by is carried to the next step and counts there again, so that it does not add up.
+    /// Above 0. Default 0.1.
     pub tolerance: f64,
+    /// The same of heat, as a share of the range of temperatures. Above 0. Default 1e-2.
+    pub heat_tolerance: f64,
     /// Largest number of solutions of the fluid in a step. At least 1. Default 20.
     pub most: usize,
     /// How the next guess x of the forces and heats on the grains follows from the last one and from the residual r,
@@ -36,13 +39,20 @@ pub struct Iteration {
 
 impl Default for Iteration {
     fn default() -> Self {
-        Self { tolerance: 1e-2, most: 20, relaxation: Relaxation::default() }
+        Self { tolerance: 0.1, heat_tolerance: 1e-2, most: 20, relaxation: Relaxation::default() }
     }
 }
 
 impl Iteration {
-    /// One solution per step, whatever the disagreement.
-    pub const ONCE: Self = Self { tolerance: f64::INFINITY, most: 1, relaxation: Relaxation::IqnIls };
+    /// One solution per step.
+    pub fn once() -> Self {
+        Self { most: 1, ..Self::default() }
+    }
+
+    /// Whether grains and fluid agree.
+    pub fn accepts(&self, agreement: &Agreement) -> bool {
+        agreement.disagreement <= self.tolerance && agreement.heat_disagreement <= self.heat_tolerance
+    }
 }
 
 /// Ratio of disagreements from one solution to the next above which the mobilities are taken to be wrong.
@@ -85,18 +95,22 @@ impl<const D: usize> Trial<D> for Iterated<D> {
             self.answer.read(mixture);
             mixture.drive_grains(dt, &self.answer, report)?;
             let mut agreement = Agreement { solves, ..agreement(mixture, part) };
-            let now = agreement.disagreement.max(agreement.heat_disagreement);
-            agreement.converged = now <= self.iteration.tolerance;
+            agreement.converged = self.iteration.accepts(&agreement);
             if agreement.converged || solves >= self.iteration.most {
                 return Ok(agreement);
             }
             mixture.grains.rewind();
+            let now = agreement.disagreement.max(agreement.heat_disagreement);
             cautious |= now > SLOW * last;
             last = now;
             if self.relaxer.improve(mixture, dt, &mut self.forcing, &self.answer) {
                 rehearse(mixture, dt, &self.forcing, report)?;
             }
         }
+    }
+
+    fn repeats(&self) -> bool {
+        self.iteration.most > 1
     }
 
     /// Books what the grains got, and carries what the fluid did not lose for it and where it had them else.

@@ -86,7 +86,7 @@ impl SchemeName {
             Self::Henry => Box::new(Cut::new(henry::Henry { contacts: true }, cutting)),
             Self::HenryFree => Box::new(Cut::new(henry::Henry { contacts: false }, cutting)),
             Self::Lagged => Box::new(Cut::new(lagged::Lagged, cutting)),
-            Self::Anchored => Box::new(Cut::new(Iterated::new(Iteration::ONCE), cutting)),
+            Self::Anchored => Box::new(Cut::new(Iterated::new(Iteration::once()), cutting)),
             Self::Iterated => Box::new(Cut::new(Iterated::new(iteration.clone()), cutting)),
         }
     }
@@ -120,7 +120,9 @@ fn once<const D: usize>(
 fn agreement<const D: usize>(mixture: &Mixture<D>, dt: f64) -> Agreement {
     let (grains, Interaction { load, at, laws, force, .. }) = (&mixture.grains, &mixture.interaction);
     let velocity = &grains.particles.velocity;
-    Comparison { grains, load, density: laws.density, dt, force }.motion(|i| {
+    let comparison = Comparison { grains, load, density: laws.density, dt, force };
+    let agreement = comparison.motion(|i| {
         ((load.expected(at, i) - velocity[i]) * load.drag[i], load.expected_in_flux(at, i) - velocity[i])
-    })
+    });
+    Agreement { converged: Iteration::default().accepts(&agreement), ..agreement }
 }

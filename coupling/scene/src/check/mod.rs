@@ -70,6 +70,7 @@ pub(super) fn structure(scene: &Scene) -> Checked {
 /// Checks of how the coupling iterates.
 fn iteration(scene: &Scene, iteration: &Iteration) -> Checked {
     positive(scene, "coupling.iteration.tolerance", iteration.tolerance)?;
+    positive(scene, "coupling.iteration.heat_tolerance", iteration.heat_tolerance)?;
     positive(scene, "coupling.iteration.most", iteration.most as f64)?;
     match iteration.relaxation {
         Relaxation::Constant(omega) if !(omega > 0.0 && omega <= 1.0) => {
