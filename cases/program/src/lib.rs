@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done; 1 the run failed (solver, disk) or was interrupted; 2 the input is wrong.
 
+mod analyse;
 pub mod cases;
 mod check;
 mod closures;
@@ -14,6 +15,7 @@ mod placing;
 mod plot;
 mod processor;
 mod report;
+mod results;
 mod run;
 mod sizes;
 
@@ -85,6 +87,9 @@ enum Command {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Analyse a run from the files in its folder: means with standard errors, spectra, height of the bed, bubbles,
+    /// mixing, profiles, mean fields; what cannot be known is said.
+    Analyse(analyse::Options),
     /// Draw all drag laws over voidage and Reynolds number, with the values as a table.
     Closures(closures::Options),
     /// Print all keys of a scene with their meaning, units and defaults: as JSON schema, or as a page.
@@ -174,6 +179,7 @@ fn perform(command: Command) -> Result<u8> {
             pictures.iter().for_each(|picture| println!("{}", picture.display()));
             Ok(0)
         }
+        Command::Analyse(options) => analyse::analyse(&options),
         Command::Closures(options) => closures::closures(&options),
         Command::Schema { study, markdown } => {
             match (study, markdown) {

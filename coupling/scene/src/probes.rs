@@ -295,6 +295,7 @@ mod tests {
         let temperature = [300.0, 400.0, 900.0];
         let grains = GrainView {
             id: &[0, 1, 2],
+            group: None,
             position: &position,
             velocity: &velocity,
             radius: &radius,

@@ -480,6 +480,7 @@ impl Simulation {
             let particles = &grains.particles;
             GrainView {
                 id: &particles.id,
+                group: (grains.materials().len() > 1).then_some(particles.material.as_slice()),
                 position: &particles.position,
                 velocity: &particles.velocity,
                 radius: &particles.radius,

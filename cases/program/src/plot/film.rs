@@ -1,7 +1,8 @@
 //! All moments of a run with the same axes and colours: a film.
 
 use super::hole::Track;
-use super::snapshot::{Moment, Picture, View, draw};
+use super::snapshot::{Picture, View, draw};
+use crate::results::Moment;
 use rayon::prelude::*;
 use std::fs;
 use std::io::ErrorKind;

@@ -1,6 +1,6 @@
 //! Where a droplet is in the frames of a run: a hole of the mesh.
 
-use super::table::Table;
+use crate::results::table::Table;
 use std::collections::BTreeMap;
 use voidage_scene::recorder::Frame;
 

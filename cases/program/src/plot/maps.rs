@@ -1,7 +1,7 @@
 //! Time averages: packing fraction, and grain velocity.
 
 use super::plane::{Plane, Scale};
-use super::table::Table;
+use crate::results::table::Table;
 use plotters::style::colors::{BLACK, WHITE};
 use std::path::{Path, PathBuf};
 use voidage_coupling::{Error, Result};

@@ -9,20 +9,17 @@ mod lines;
 mod maps;
 mod plane;
 mod snapshot;
-mod table;
 
+use crate::results::table::Table;
+use crate::results::{FOLDER, Moment, moments, read_scene};
 use droplet::Droplet;
-use snapshot::{Moment, Picture, View};
+use snapshot::{Picture, View};
 use std::path::{Path, PathBuf};
-use table::Table;
 use tracing::info;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Scene;
 use voidage_scene::compare::Finding;
-use voidage_scene::recorder::Summary;
-
-/// Which folders have pictures.
-pub const FOLDER: &str = "give the folder of a run (its option --out)";
+use voidage_scene::recorder::{Frame, Summary};
 
 /// Draws the pictures of one run into its folder; or those that compare runs, where there are several or another folder
 /// is given, into that or the current one.
@@ -55,7 +52,7 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
         drawn.extend(temperature(folder, &scene, series)?);
         drawn.extend(pressure(folder, &scene, series)?);
     }
-    let moments = snapshot::moments(folder)?;
+    let moments = moments(folder)?;
     let droplet = Droplet::new(&scene, series.as_ref(), &moments)?;
     drawn.extend(snapshots(folder, &scene, &moments, droplet.as_ref())?);
     if let Some(droplet) = &droplet {
@@ -67,6 +64,11 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(drawn)
 }
 
+/// Draws the mean fields of the fluid.
+pub fn mean_fields(path: &Path, scene: &Scene, means: Frame, title: &str) -> Result<()> {
+    snapshot::fields(path, scene, means, title)
+}
+
 /// Draws every moment of a run as a picture of a film.
 fn film_of(folder: &Path) -> Result<Vec<PathBuf>> {
     let scene = read_scene(folder)?;
@@ -74,7 +76,7 @@ fn film_of(folder: &Path) -> Result<Vec<PathBuf>> {
         // It is among the pictures of a droplet.
         return Ok(Vec::new());
     }
-    let moments = snapshot::moments(folder)?;
+    let moments = moments(folder)?;
     match View::over(&moments, &scene, None)? {
         Some(view) => film::film(folder, &scene, &moments, (&view, None)),
         None => {
@@ -82,16 +84,6 @@ fn film_of(folder: &Path) -> Result<Vec<PathBuf>> {
             Err(Error::input(Notice::new(what, "give the scene `output.frame_interval`, s")))
         }
     }
-}
-
-/// The scene of the run that left a folder.
-fn read_scene(folder: &Path) -> Result<Scene> {
-    let scene = folder.join("scene.toml");
-    if !scene.is_file() {
-        let what = format!("{}: holds no scene.toml", folder.display());
-        return Err(Error::input(Notice::new(what, FOLDER)));
-    }
-    Scene::read(&scene, &[])
 }
 
 /// Root mean square differences of runs side by side against time, one picture per fluid solver; `step` is the time

@@ -3,17 +3,18 @@
 use super::boundary::{self, Part};
 use super::hole::{self, Track};
 use super::plane::{Entry, Plane, Scale};
+use crate::results::Moment;
 use colorous::Gradient;
 use plotters::style::RGBColor;
 use plotters::style::colors::{BLACK, WHITE};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use voidage_coupling::Result;
 use voidage_scene::Scene;
 use voidage_scene::build::wall as wall_at;
-use voidage_scene::recorder::{Frame, read_collection, read_frame};
+use voidage_scene::recorder::{Frame, read_frame};
 
 /// Share of the lowest and of the highest values that do not stretch the colours of a picture.
 const EXTREME: f64 = 0.01;
@@ -27,37 +28,6 @@ const STREAM: RGBColor = RGBColor(30, 100, 190);
 const ARROWS: f64 = 24.0;
 /// Colour of the outline of held grains.
 const HELD: RGBColor = RGBColor(120, 120, 120);
-
-/// A recorded moment: the files of its grains and its fluid.
-pub struct Moment {
-    /// s.
-    pub time: f64,
-    /// Frame of the grains.
-    pub grains: Option<PathBuf>,
-    fluid: Option<PathBuf>,
-    /// Frame of the contacts, if they are recorded.
-    pub contacts: Option<PathBuf>,
-}
-
-/// The moments that a folder has, in order.
-pub fn moments(folder: &Path) -> Result<Vec<Moment>> {
-    let list = |name: &str| {
-        let path = folder.join(name);
-        if path.is_file() { read_collection(&path) } else { Ok(Vec::new()) }
-    };
-    let (grains, fluid, contacts) = (list("grains.pvd")?, list("fluid.pvd")?, list("contacts.pvd")?);
-    let mut times: Vec<f64> = grains.iter().chain(&fluid).map(|(time, _)| *time).collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    let at = |list: &[(f64, PathBuf)], time: f64| {
-        list.iter().find(|(other, _)| *other == time).map(|(_, file)| file.clone())
-    };
-    let moment = |time: f64| {
-        let (grains, fluid) = (at(&grains, time), at(&fluid, time));
-        Moment { time, grains, fluid, contacts: at(&contacts, time) }
-    };
-    Ok(times.into_iter().map(moment).collect())
-}
 
 /// What is drawn of a moment.
 pub struct Picture {
@@ -76,6 +46,11 @@ impl Picture {
         let droplet = fluid.as_ref().zip(track);
         let droplet = droplet.and_then(|(fluid, track)| hole::around(fluid, track.centre(moment.time)));
         Ok(Picture { time: moment.time, grains, fluid, droplet })
+    }
+
+    /// Fields of the fluid that are those of no moment.
+    pub fn of_fields(frame: Frame) -> Picture {
+        Picture { time: 0.0, grains: None, fluid: Some(frame), droplet: None }
     }
 
     /// What stands above the picture.
@@ -272,6 +247,17 @@ pub fn draw(path: &Path, scene: &Scene, picture: &Picture, view: Option<&View>) 
     let Some(view) = view.or(own.as_ref()) else { return Ok(()) };
     if let Some(mut plane) = view.plane(path, &[picture.title()])? {
         paint(&mut plane, scene, picture, view)?;
+        plane.save()?;
+    }
+    Ok(())
+}
+
+/// Draws fields of the fluid under a title.
+pub fn fields(path: &Path, scene: &Scene, frame: Frame, title: &str) -> Result<()> {
+    let picture = Picture::of_fields(frame);
+    let view = View::of(&picture, scene, EXTREME)?;
+    if let Some(mut plane) = view.plane(path, &[title.to_owned()])? {
+        paint(&mut plane, scene, &picture, &view)?;
         plane.save()?;
     }
     Ok(())

@@ -67,6 +67,26 @@ const PICTURES: [&str; 13] = [
     "grain-temperature.png",
 ];
 
+/// Files that `voidage analyse` makes in the folder [`ANALYSIS`] of a run.
+pub const ANALYSES: [&str; 13] = [
+    "analysis.csv",
+    "spectra.csv",
+    "spectrum.csv",
+    "spectrum.png",
+    "bed.csv",
+    "bed.png",
+    "bubbles.csv",
+    "bubbles-by-height.csv",
+    "bubbles.png",
+    "profiles.csv",
+    "profiles.png",
+    "mean-fields.vtu",
+    "mean-fields.png",
+];
+
+/// The folder of what `voidage analyse` makes, in that of the run.
+pub const ANALYSIS: &str = "analysis";
+
 /// Whether a file is a picture of a run.
 fn is_picture(name: &str) -> bool {
     let at_times = ["snapshot-", "chains-"].iter().any(|start| name.starts_with(start));
@@ -158,6 +178,7 @@ impl OutputFolder {
     pub fn clear(&self) -> Result<()> {
         self.remove(&self.path, |name| FILES.contains(&name) || is_picture(name))?;
         self.remove(&self.path.join("film"), |name| name.starts_with("frame-") && name.ends_with(".png"))?;
+        self.remove(&self.path.join(ANALYSIS), |name| ANALYSES.contains(&name))?;
         self.remove(&self.path.join("frames"), is_frame)
     }
 
@@ -169,6 +190,7 @@ impl OutputFolder {
         let shows_end =
             |name: &str| ["summary.json", "averages.csv", "temperature_fit.json", FAILED].contains(&name);
         self.remove(&self.path, |name| shows_end(name) || is_picture(name))?;
+        self.remove(&self.path.join(ANALYSIS), |name| ANALYSES.contains(&name))?;
         self.remove(&self.path.join("frames"), |name| is_frame(name) && !kept(name))
     }
 
@@ -193,10 +215,22 @@ mod tests {
         assert!(!first.is_used());
         let error = OutputFolder::take(folder.path(), Earlier::Overwrite).unwrap_err();
         assert!(error.is_input() && error.to_string().contains(&std::process::id().to_string()), "{error}");
-        fs::create_dir(at("frames")).unwrap();
-        let of_run = ["series.csv", "snapshot-0.020s.png", "frames/grains-00000040.vtp", "frames/.voidage-x"];
-        let of_others =
-            ["notes.txt", "packing-0.csv", "snapshot-1.txt", "frames/grains-a.vtp", "frames/mine"];
+        ["frames", ANALYSIS].iter().for_each(|name| fs::create_dir(at(name)).unwrap());
+        let of_run = [
+            "series.csv",
+            "snapshot-0.020s.png",
+            "frames/grains-00000040.vtp",
+            "frames/.voidage-x",
+            "analysis/analysis.csv",
+        ];
+        let of_others = [
+            "notes.txt",
+            "packing-0.csv",
+            "snapshot-1.txt",
+            "frames/grains-a.vtp",
+            "frames/mine",
+            "analysis/mine.csv",
+        ];
         of_run.iter().chain(&of_others).for_each(|name| fs::write(at(name), "").unwrap());
         drop(first);
         assert!(

@@ -22,7 +22,7 @@ pub use averages::Averages;
 pub use checkpoint::{Checkpoint, Stamp};
 pub use collection::Collection;
 pub use files::{create_folder, write_whole};
-pub use folder::{Earlier, LOCK, OutputFolder};
+pub use folder::{ANALYSES, ANALYSIS, Earlier, LOCK, OutputFolder};
 pub use recording::{CHECKPOINT, Due, FAILED, Kept, Reading, Recording, check_averages, readings};
 pub use series::Series;
 pub use summary::Summary;

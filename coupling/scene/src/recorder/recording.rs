@@ -356,6 +356,8 @@ impl<const D: usize> GrainView<'_, D> {
             Column::scalars("radius_m", self.radius),
             Column::vectors("velocity_m_per_s", self.velocity),
         ];
+        let group: Option<Vec<u32>> = self.group.map(|group| group.iter().map(|k| u32::from(*k)).collect());
+        columns.extend(group.iter().map(|group| Column::integers("group", group)));
         columns.extend(self.spin.map(|spin| Column::scalars("spin_rad_per_s", spin)));
         columns.extend(self.temperature.map(|temperature| Column::scalars("temperature_K", temperature)));
         let names = COMPONENTS.map(|name| format!("stress_{name}_Pa"));

@@ -24,6 +24,8 @@ pub struct View<'a, const D: usize> {
 pub struct GrainView<'a, const D: usize> {
     /// Numbers of the grains, for life.
     pub id: &'a [u32],
+    /// Group of each grain, as the scene numbers them; where there are several.
+    pub group: Option<&'a [u8]>,
     /// Centres, m.
     pub position: &'a [SVector<f64, D>],
     /// Velocities, m/s.

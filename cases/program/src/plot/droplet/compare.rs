@@ -1,7 +1,8 @@
 //! Several runs with a droplet in the same pictures.
 
-use super::super::{FOLDER, read_scene, table::Table};
 use super::curves::{Run, SINGLE};
+use crate::results::table::Table;
+use crate::results::{FOLDER, read_scene};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use voidage_campaign::plot::panels::{self, Curve, Panel};

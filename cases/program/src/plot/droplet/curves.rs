@@ -1,6 +1,6 @@
 //! What happens to a droplet over time.
 
-use super::super::table::Table;
+use crate::results::table::Table;
 use std::path::{Path, PathBuf};
 use voidage_campaign::plot::panels::{self, Curve, Panel};
 use voidage_coupling::Result;

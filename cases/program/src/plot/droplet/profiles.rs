@@ -1,9 +1,9 @@
 //! Temperature of the grains along a vertical and a horizontal line.
 
 use super::super::hole::Track;
-use super::super::snapshot::Moment;
 use super::curves::{Points, Run};
 use super::sheet::evenly;
+use crate::results::Moment;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use voidage_campaign::plot::panels::{self, Curve, Panel};

@@ -1,7 +1,8 @@
 //! A few moments of a run with a droplet on one sheet, with the same axes and colours.
 
 use super::super::hole::Track;
-use super::super::snapshot::{Moment, Picture, View, paint};
+use super::super::snapshot::{Picture, View, paint};
+use crate::results::Moment;
 use std::path::Path;
 use voidage_coupling::Result;
 use voidage_scene::Scene;

@@ -21,11 +21,13 @@ const OF_A_DROPLET: [&str; 13] = [
     "droplet_gas_heat_W_per_m",
     "droplet_grain_heat_W_per_m",
 ];
-const TIME: &str = "time_s";
+/// The column of the times.
+pub const TIME: &str = "time_s";
 const TEMPERATURE: &str = "mean_grain_temperature_K";
 /// A mean over no grains is no number, and neither is this.
 const COLDEST: &str = "min_grain_temperature_K";
-const DROP: &str = "pressure_drop_Pa";
+/// The column of the pressure drop.
+pub const DROP: &str = "pressure_drop_Pa";
 
 /// What a reader can do about a damaged table.
 const HELP: &str = "it was damaged or changed: restart the run from its checkpoint, or run it again";
@@ -150,6 +152,17 @@ impl Table {
         Ok(())
     }
 
+    /// The names of the columns, in the order of the file.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// An error that names a row of the file.
     fn wrong(&self, row: usize, what: String) -> Error {
         Error::input(Notice::new(format!("{}:{}: {what}", self.path.display(), self.lines[row]), HELP))
     }
