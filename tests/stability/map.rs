@@ -243,7 +243,7 @@ fn all_relaxations_lead_to_the_same_step() {
     let solved = |relaxation: Relaxation| {
         let mut simulation = bed();
         let coupled = simulation.coupled_mut();
-        let iteration = Iteration { tolerance: 1e-9, most: 100, relaxation };
+        let iteration = Iteration { tolerance: 1e-9, heat_tolerance: 1e-9, most: 100, relaxation };
         coupled.set_scheme(SchemeName::Iterated.build(&iteration, None));
         let mut solves = 0;
         for _ in 0..5 {

@@ -22,6 +22,7 @@ const WRITTEN: [&str; 19] = [
     "series.csv",
     "stability.csv",
     "verification.csv",
+    "validation.csv",
     "curves.csv",
     "measured.csv",
     "results.csv",
