@@ -3,18 +3,26 @@
 use std::path::Path;
 use voidage_campaign::Effort;
 use voidage_scene::{Scene, Simulation};
-use voidage_verification::{cases, solve};
+use voidage_verification::{Case, cases, solve};
 
 /// Solves the quick form of all cases of a group of the verification suite.
 ///
 /// # Panics
 /// If a finding is outside of what is allowed.
 pub fn verify_quickly(group: &str) {
-    let mut missed = Vec::new();
     let chosen: Vec<_> = cases().into_iter().filter(|case| case.group == group).collect();
     assert!(!chosen.is_empty(), "there is no case in the group {group}");
+    solve_quickly(&chosen);
+}
+
+/// Solves the quick form of cases.
+///
+/// # Panics
+/// If a finding is outside of what is allowed.
+pub fn solve_quickly(chosen: &[Case]) {
+    let mut missed = Vec::new();
     for case in chosen {
-        let outcome = solve(&case, Effort::Quick);
+        let outcome = solve(case, Effort::Quick);
         assert!(!outcome.findings.is_empty(), "{} finds nothing", case.name);
         let outside = outcome.findings.into_iter().filter(|finding| !finding.passes());
         missed.extend(outside.map(|finding| format!("{}: {finding:?}", case.name)));

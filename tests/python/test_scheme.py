@@ -92,7 +92,7 @@ def test_any_law_leads_to_the_same_step_when_iterated():
     scheme = Implicit()
     contacts = ["contacts.tolerance=1e-10"]
     mine = voidage.Simulation(BED, contacts, scheme=scheme)
-    tight = [*contacts, "coupling.iteration={tolerance=1e-11, most=40}"]
+    tight = [*contacts, "coupling.iteration={tolerance=1e-11, heat_tolerance=1e-11, most=40}"]
     built_in = voidage.Simulation(BED, tight, scheme="iterated")
     other = voidage.Simulation(BED, scheme="explicit")
     for _ in range(3):

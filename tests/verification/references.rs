@@ -18,7 +18,7 @@ const LEFT: [&str; 5] = [".git", "target", "out", ".venv", "__pycache__"];
 /// Ends by which a word in backticks on a page is a file, wherever it lies.
 const SOURCES: [&str; 4] = [".rs", ".py", ".toml", ".csv"];
 /// Files that programs write, and those of a user's that pages speak of.
-const WRITTEN: [&str; 19] = [
+const WRITTEN: [&str; 20] = [
     "series.csv",
     "stability.csv",
     "verification.csv",

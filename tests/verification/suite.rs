@@ -1,6 +1,6 @@
-//! The quick forms of `voidage verify`.
+//! The quick forms of `voidage verify` and `voidage validate`.
 
-use voidage_tests::verify_quickly;
+use voidage_tests::{solve_quickly, verify_quickly};
 
 #[test]
 fn the_fluid_alone() {
@@ -10,4 +10,9 @@ fn the_fluid_alone() {
 #[test]
 fn grains_in_a_fluid() {
     verify_quickly("coupled");
+}
+
+#[test]
+fn measured_experiments() {
+    solve_quickly(voidage_validation::CASES);
 }
