@@ -1,5 +1,6 @@
 //! Where grains are and what the fluid bears, from the nodes of regular meshes.
 
+use crate::measured::Points;
 use voidage_coupling::{Error, Result};
 use voidage_scene::Simulation;
 use voidage_scene::recorder::FluidView;
@@ -12,7 +13,7 @@ fn fluid(simulation: &mut Simulation) -> Result<FluidView<'_, 2>> {
 
 /// The share of solid at the nodes along each line of nodes with one coordinate `across` in common: `(coordinate across,
 /// [(coordinate along, share)])`, both growing.
-pub fn shares(simulation: &mut Simulation, across: usize) -> Result<Vec<(f64, Vec<(f64, f64)>)>> {
+pub fn shares(simulation: &mut Simulation, across: usize) -> Result<Vec<(f64, Points)>> {
     let fluid = fluid(simulation)?;
     let voidage = fluid.voidage.ok_or_else(|| Error::run("the scene has no grains"))?;
     let points = &fluid.mesh.points;
