@@ -185,7 +185,7 @@ impl Agreement {
             false => format!(", most at grain {}", worst.join(", ")),
         };
         let help = match (self.solves > self.parts, self.parts > 1) {
-            (false, _) => "use the scheme \"iterated\",",
+            (false, _) => "use the scheme \"iterated\" with coupling.iteration.most above 1,",
             (true, true) => "the step was cut as far as coupling.cut does: set more coupling.iteration.most,",
             (true, false) => {
                 "set coupling.cut = {} (steps in halves where needed), more coupling.iteration.most,"

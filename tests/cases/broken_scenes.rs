@@ -345,6 +345,12 @@ const MISTAKES: &[Mistake] = &[
         &["relaxation", "above 0 and at most 1"],
     ),
     mistake(
+        "heat that never agrees",
+        ["scheme = \"iterated\"", "iteration = { heat_tolerance = 0.0 }"],
+        "iteration",
+        &["heat_tolerance", "positive"],
+    ),
+    mistake(
         "parts of steps in which nothing moves",
         ["scheme = \"iterated\"", "cut = { travel = 0.0 }"],
         "cut",

@@ -122,6 +122,25 @@ fn a_step_that_does_not_converge_is_halved() {
     assert!(complaint.help.contains("cut as far as") && !complaint.help.contains("= {}"), "{complaint}");
 }
 
+/// Schemes that solve the fluid once said nothing of steps in which grains and fluid disagreed, and ended in pressures
+/// a hundred times the weight of a bed without a word.
+#[test]
+fn a_scheme_that_solves_once_says_that_grains_and_fluid_disagree() {
+    let solved = |scheme: SchemeName, cutting: Option<Cutting>| {
+        let mut simulation = bed();
+        let coupled = simulation.coupled_mut();
+        coupled.set_scheme(scheme.build(&Iteration::default(), cutting));
+        (0..20).map(|_| coupled.step(4e-3).expect("a step").agreement.expect("both")).last().expect("steps")
+    };
+    for cutting in [None, Some(Cutting { travel: 1e3, absorption: 1e3 })] {
+        let off = solved(SchemeName::HenryFree, cutting);
+        assert!(!off.converged && off.parts == 1 && off.disagreement > 0.1, "{off:?}");
+        assert!(off.complaint().expect("a complaint").help.contains("iterated"), "{off:?}");
+    }
+    let near = solved(SchemeName::Iterated, None);
+    assert!(near.converged && near.complaint().is_none(), "{near:?}");
+}
+
 /// Half of what earlier steps carry counted against a step whatever its iterations did: after one that was far off, a
 /// step went through all the solutions allowed and never agreed.
 #[test]

@@ -1,6 +1,6 @@
 //! A column of beads that collapses in a viscous liquid, loose or dense: Rondon et al. 2011.
 
-use crate::fields::{floor_pressure, shares, top};
+use crate::fields::{Lines, floor_pressure, top};
 use crate::measured::{Points, between, rows};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -16,22 +16,22 @@ const SOURCE: &str = "Rondon, Pouliquen and Aussillous 2011 (Physics of Fluids 2
                       (tutorials/Py/DATA/Rondon2012)";
 
 /// The loose column, which runs out within a second.
-pub const LOOSE: Case = Case {
-    name: "collapse-loose",
-    group: "experiments",
-    title: "a loose column of beads collapses in a viscous liquid: profiles, front and pore pressure",
-    source: SOURCE,
-    run: |effort| run(&COLUMNS[0], effort),
-};
+pub const LOOSE: Case = case(
+    "collapse-loose",
+    "a loose column of beads collapses in a viscous liquid: profiles, front and pore pressure",
+    |effort| run(&COLUMNS[0], effort),
+);
 
 /// The dense column, which erodes from its side for half a minute.
-pub const DENSE: Case = Case {
-    name: "collapse-dense",
-    group: "experiments",
-    title: "a dense column of beads collapses in a viscous liquid: profiles, front and pore pressure",
-    source: SOURCE,
-    run: |effort| run(&COLUMNS[1], effort),
-};
+pub const DENSE: Case = case(
+    "collapse-dense",
+    "a dense column of beads collapses in a viscous liquid: profiles, front and pore pressure",
+    |effort| run(&COLUMNS[1], effort),
+);
+
+const fn case(name: &'static str, title: &'static str, run: fn(Effort) -> Result<Outcome>) -> Case {
+    Case { name, group: "experiments", title, source: SOURCE, run }
+}
 
 const COLLAPSE: &str = include_str!("../collapse.toml");
 const PROFILES: &str = include_str!("../data/collapse-profiles.csv");
@@ -124,6 +124,22 @@ impl Column {
         rows.iter().filter(|row| row.column == self.name).map(|row| (row.time_s, row.value)).collect()
     }
 
+    /// Changes of the scenes of packing and collapse for grains `coarse` times as large as the beads.
+    fn changes(&self, coarse: f64) -> [Vec<String>; 2] {
+        let area = coarse * coarse;
+        let packing = vec![
+            format!("grains[0].radius={{uniform=[{:e},{:e}]}}", 0.95e-4 * coarse, 1.3e-4 * coarse),
+            format!("grains[0].amount.count={}", (self.beads / area).round()),
+        ];
+        let [x, y] = [500.0, 160.0].map(|count| (count / coarse).round());
+        let collapse = vec![
+            format!("fluid.viscosity={:e}", 0.01212 * area),
+            format!("fluid.mesh.rectangle.structured.squares=[{x},{y}]"),
+            format!("time.step={}", self.step),
+        ];
+        [packing, collapse]
+    }
+
     /// Packs the column and leaves it in a file; with its height, m, which is twice that of its centre.
     fn pack(&self, changes: &[String], folder: &Path) -> Result<(PathBuf, f64)> {
         let place = PathBuf::from(format!("cases/validation/packing-{}.toml", self.name));
@@ -148,8 +164,8 @@ impl Column {
 }
 
 /// Height of the grains over x, m.
-fn surface(simulation: &mut Simulation) -> Result<Points> {
-    let columns = shares(simulation, 0)?;
+fn surface(columns: &Lines, simulation: &mut Simulation) -> Result<Points> {
+    let columns = columns.shares(simulation)?;
     Ok(columns.iter().map(|(x, column)| (*x, top(column, SURFACE))).collect())
 }
 
@@ -167,24 +183,6 @@ fn apart(computed: &[(f64, f64)], measured: &[(f64, f64)], height: f64) -> f64 {
         / height
 }
 
-impl Column {
-    /// Changes of the scenes of packing and collapse for grains `coarse` times as large as the beads.
-    fn changes(&self, coarse: f64) -> [Vec<String>; 2] {
-        let area = coarse * coarse;
-        let packing = vec![
-            format!("grains[0].radius={{uniform=[{:e},{:e}]}}", 0.95e-4 * coarse, 1.3e-4 * coarse),
-            format!("grains[0].amount.count={}", (self.beads / area).round()),
-        ];
-        let [x, y] = [500.0, 160.0].map(|count| (count / coarse).round());
-        let collapse = vec![
-            format!("fluid.viscosity={:e}", 0.01212 * area),
-            format!("fluid.mesh.rectangle.structured.squares=[{x},{y}]"),
-            format!("time.step={}", self.step),
-        ];
-        [packing, collapse]
-    }
-}
-
 /// The quick form has larger grains and a twentieth of a second: whether the liquid carries the loose column and is
 /// sucked into the dense one.
 fn run(column: &Column, effort: Effort) -> Result<Outcome> {
@@ -197,6 +195,7 @@ fn run(column: &Column, effort: Effort) -> Result<Outcome> {
     collapse.push(format!("grains[0].placement.state.file={:?}", file.display().to_string()));
     let scene = Scene::parse(Path::new("cases/validation/collapse.toml"), COLLAPSE, &collapse)?;
     let mut simulation = Simulation::new(&scene)?;
+    let lines = Lines::new(&mut simulation, 0)?;
     let (mut fronts, mut pressures) = (Points::new(), Points::new());
     let mut findings =
         vec![Finding::relative("height of the column before", "m", column.height, height, 0.03)];
@@ -207,12 +206,12 @@ fn run(column: &Column, effort: Effort) -> Result<Outcome> {
         simulation.step()?;
         let time = simulation.time();
         if simulation.steps().is_multiple_of(every) {
-            fronts.push((time, front(&surface(&mut simulation)?)));
+            fronts.push((time, front(&surface(&lines, &mut simulation)?)));
             let far = floor_pressure(&mut simulation, FAR)?;
             pressures.push((time, floor_pressure(&mut simulation, TAP)? - far));
         }
         let Some(at) = wanted.next_if(|at| time > at - 0.5 * scene.time.step) else { continue };
-        let (computed, measured) = (surface(&mut simulation)?, column.profile(at));
+        let (computed, measured) = (surface(&lines, &mut simulation)?, column.profile(at));
         let distance = apart(&computed, &measured, column.height);
         let what = format!("profile at {at} s, mean distance over the height before");
         findings.push(Finding::at_most(what, "1", 0.1, distance));
@@ -266,4 +265,31 @@ fn run(column: &Column, effort: Effort) -> Result<Outcome> {
 /// A curve in other units.
 fn scaled(points: Points, factors: [f64; 2]) -> Points {
     points.into_iter().map(|(x, y)| (factors[0] * x, factors[1] * y)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tables_have_what_is_compared() {
+        for column in &COLUMNS {
+            for at in column.profiles {
+                let profile = column.profile(*at);
+                assert!(profile.len() > 10 && front(&profile) > FOOT, "{} at {at} s", column.name);
+            }
+            let loose = column.name == "loose";
+            let pressures = column.over_time(PRESSURES);
+            assert!((pressures[0].1 > 0.0) == loose && pressures[0].0 < column.end, "{}", column.name);
+            assert!(column.over_time(FRONTS).len() >= 10);
+        }
+    }
+
+    #[test]
+    fn profiles_are_as_far_apart_as_their_mean_distance() {
+        let step = [(0.0, 0.04), (0.06, 0.04), (0.0601, 0.0)];
+        let lower = [(0.0, 0.03), (0.06, 0.03), (0.0601, 0.0)];
+        assert!((apart(&lower, &step, 0.04) - 0.25).abs() < 1e-2);
+        assert!(apart(&step, &step, 0.04) == 0.0);
+    }
 }

@@ -11,21 +11,41 @@ fn fluid(simulation: &mut Simulation) -> Result<FluidView<'_, 2>> {
     simulation.view().fluid.ok_or_else(|| Error::run("the scene has no fluid"))
 }
 
-/// The share of solid at the nodes along each line of nodes with one coordinate `across` in common: `(coordinate across,
-/// [(coordinate along, share)])`, both growing.
-pub fn shares(simulation: &mut Simulation, across: usize) -> Result<Vec<(f64, Points)>> {
-    let fluid = fluid(simulation)?;
-    let voidage = fluid.voidage.ok_or_else(|| Error::run("the scene has no grains"))?;
-    let points = &fluid.mesh.points;
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    let (low, high) = fluid.mesh.bounds();
-    // Coordinates of a line differ by round-off.
-    let same = 1e-9 * (high - low).norm();
-    let key = |node: usize| ((points[node][across] / same).round(), points[node][1 - across]);
-    order.sort_by(|a, b| key(*a).0.total_cmp(&key(*b).0).then(key(*a).1.total_cmp(&key(*b).1)));
-    let lines = order.chunk_by(|a, b| (points[*a][across] - points[*b][across]).abs() <= 2.0 * same);
-    let along = |node: &usize| (points[*node][1 - across], 1.0 - voidage[*node]);
-    Ok(lines.map(|line| (points[line[0]][across], line.iter().map(along).collect())).collect())
+/// The nodes of a regular mesh, line by line.
+pub struct Lines(Vec<(f64, Vec<(f64, usize)>)>);
+
+impl Lines {
+    /// The lines of nodes that have the coordinate `across` in common: that coordinate, and the other one with the number
+    /// of each node, both growing.
+    ///
+    /// # Errors
+    /// The scene has no fluid.
+    pub fn new(simulation: &mut Simulation, across: usize) -> Result<Self> {
+        let mesh = fluid(simulation)?.mesh;
+        let (low, high) = mesh.bounds();
+        // Coordinates of a line differ by round-off.
+        let same = 1e-9 * (high - low).norm();
+        let mut nodes: Vec<(f64, (f64, usize))> =
+            mesh.points.iter().enumerate().map(|(node, x)| (x[across], (x[1 - across], node))).collect();
+        nodes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let lines = nodes.chunk_by(|a, b| b.0 - a.0 <= same);
+        let sorted = |line: &[(f64, (f64, usize))]| {
+            let mut along: Vec<(f64, usize)> = line.iter().map(|node| node.1).collect();
+            along.sort_by(|a, b| a.0.total_cmp(&b.0));
+            (line[0].0, along)
+        };
+        Ok(Self(lines.map(sorted).collect()))
+    }
+
+    /// The share of solid at the nodes of each line, over the coordinate along it.
+    ///
+    /// # Errors
+    /// The scene has no grains.
+    pub fn shares(&self, simulation: &mut Simulation) -> Result<Vec<(f64, Points)>> {
+        let voidage = fluid(simulation)?.voidage.ok_or_else(|| Error::run("the scene has no grains"))?;
+        let share = |(along, node): &(f64, usize)| (*along, 1.0 - voidage[*node]);
+        Ok(self.0.iter().map(|(across, line)| (*across, line.iter().map(share).collect())).collect())
+    }
 }
 
 /// The highest place at which a profile falls through `level`, linear between nodes; the lowest node where it is below
@@ -35,7 +55,8 @@ pub fn top(profile: &[(f64, f64)], level: f64) -> f64 {
     crossing.map_or(profile.first().map_or(f64::NAN, |node| node.0), |pair| through(pair, level))
 }
 
-/// The lowest place at which a profile falls through `level`; the highest node where it is above everywhere.
+/// The lowest place at which a profile falls through `level`; the highest node where it is above everywhere, and zero,
+/// the floor, where it is below.
 pub fn bottom(profile: &[(f64, f64)], level: f64) -> f64 {
     let crossing = profile.windows(2).find(|pair| pair[0].1 >= level && pair[1].1 < level);
     let all = profile.first().is_some_and(|node| node.1 >= level);

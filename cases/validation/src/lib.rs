@@ -1,7 +1,7 @@
 //! `voidage validate`: experiments that were measured, run again.
 //!
-//! A case is one file: its scenes, the measured data and the findings. Data, sources and what is allowed were fixed
-//! before the first run, and no constant of a scene was fitted to what was measured.
+//! A case is one file: its scenes, the measured data and the findings. The page of this folder says what was fixed before
+//! the first run and what was not.
 
 mod collapse;
 mod fields;

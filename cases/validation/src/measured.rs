@@ -25,17 +25,6 @@ pub fn between(points: &[(f64, f64)], x: f64, beyond: f64) -> f64 {
     }
 }
 
-/// Slope of the straight line through points, by least squares.
-pub fn slope(points: &[(f64, f64)]) -> f64 {
-    let count = points.len() as f64;
-    let (x, y) = points.iter().fold((0.0, 0.0), |sum, point| (sum.0 + point.0, sum.1 + point.1));
-    let (x, y) = (x / count, y / count);
-    let sums = points.iter().fold((0.0, 0.0), |sum, point| {
-        (sum.0 + (point.0 - x) * (point.1 - y), sum.1 + (point.0 - x).powi(2))
-    });
-    sums.0 / sums.1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -44,6 +33,5 @@ mod tests {
     fn curves_are_linear_between_their_points() {
         let curve = [(1.0, 5.0), (3.0, 9.0)];
         assert_eq!([0.0, 1.0, 2.0, 3.0, 3.1].map(|x| between(&curve, x, 0.0)), [5.0, 5.0, 7.0, 9.0, 0.0]);
-        assert!((slope(&[(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)]) - 2.0).abs() < 1e-15);
     }
 }

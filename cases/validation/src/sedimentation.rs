@@ -1,14 +1,14 @@
 //! A suspension that settles: Pham Van Bang et al. 2008.
 
-use crate::fields::{bottom, shares, top};
-use crate::measured::{Points, between, rows, slope};
+use crate::fields::{Lines, bottom, top};
+use crate::measured::{Points, between, rows};
 use std::path::Path;
 use tracing::warn;
 use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
 use voidage_coupling::Result;
 use voidage_scene::{Scene, Simulation};
-use voidage_verification::{Case, Finding, Outcome};
+use voidage_verification::{Case, Finding, Outcome, line};
 
 /// The case.
 pub const CASE: Case = Case {
@@ -33,8 +33,8 @@ const CLEAR: f64 = 0.25;
 const SETTLED: f64 = 0.533;
 
 /// Mean share of solid of each row of nodes. The lowest is left out: it has only the half above the floor.
-fn profile(simulation: &mut Simulation) -> Result<Points> {
-    let rows = shares(simulation, 1)?;
+fn profile(rows: &Lines, simulation: &mut Simulation) -> Result<Points> {
+    let rows = rows.shares(simulation)?;
     let mean = |row: &[(f64, f64)]| row.iter().map(|node| node.1).sum::<f64>() / row.len() as f64;
     Ok(rows.iter().skip(1).map(|(y, row)| (*y, mean(row))).collect())
 }
@@ -51,10 +51,11 @@ fn run(effort: Effort) -> Result<Outcome> {
     let changes = if quick { low.map(String::from).to_vec() } else { vec![] };
     let scene = Scene::parse(Path::new("cases/validation/sedimentation.toml"), SCENE, &changes)?;
     let mut simulation = Simulation::new(&scene)?;
+    let lines = Lines::new(&mut simulation, 1)?;
     let (mut interface, mut deposit) = (Points::new(), Points::new());
     let duration = if quick { 60.0 } else { BEFORE + 1140.0 };
     for _ in 0..=(duration / scene.time.step).ceil() as usize {
-        let (time, profile) = (simulation.time() - BEFORE, profile(&mut simulation)?);
+        let (time, profile) = (simulation.time() - BEFORE, profile(&lines, &mut simulation)?);
         interface.push((time, top(&profile, CLEAR)));
         deposit.push((time, bottom(&profile, SETTLED)));
         simulation.step()?;
@@ -65,7 +66,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     let speed = (first.1 - end.1) / (end.0 - first.0);
     let sinks = |fall: &[(f64, f64)], slack: f64| {
         let what = "speed at which the suspension sinks";
-        Finding::relative(what, "m/s", speed, -slope(fall), 0.15 * slack)
+        Finding::relative(what, "m/s", speed, -line(fall).1, 0.15 * slack)
     };
     let findings = if quick {
         vec![sinks(&interface, 2.0)]
@@ -76,7 +77,7 @@ fn run(effort: Effort) -> Result<Outcome> {
         let off = (off / computed.len() as f64).sqrt();
         let falling = |point: &&(f64, f64)| (0.0..=900.0).contains(&point.0);
         let fall: Points = interface.iter().filter(falling).copied().collect();
-        let rises = [&measured[1], &computed].map(|points| slope(points));
+        let rises = [&measured[1], &computed].map(|points| line(points).1);
         let height = between(&interface, end.0, f64::NAN);
         vec![
             sinks(&fall, 1.0),
@@ -97,4 +98,16 @@ fn run(effort: Effort) -> Result<Outcome> {
         ..Panel::new("A suspension settles", "t (s)", "height (mm)")
     };
     Ok(Outcome { findings, panels: vec![panel] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tables_are_there() {
+        let [interface, deposit]: [Points; 2] = [rows(INTERFACE), rows(DEPOSIT)];
+        assert_eq!((interface.len(), deposit.len()), (2, 20));
+        assert!(deposit.windows(2).all(|pair| pair[1].0 > pair[0].0 && pair[1].1 > pair[0].1));
+    }
 }

@@ -13,6 +13,7 @@ pub mod norms;
 mod record;
 
 pub use case::{Case, Finding, Outcome};
+pub use grains::scene::line;
 
 use clap::Args;
 use record::Record;

@@ -123,7 +123,7 @@ pub struct Anchor {
 const HELD: f64 = 1e-3;
 
 /// How far a grain may have moved beside its trial, over what the forcing would move it freely, for its contacts to
-/// count as holding it: what counts as agreement of grains and fluid by default.
+/// count as holding it: a tenth of what counts as agreement of grains and fluid by default.
 const CALM: f64 = 1e-2;
 
 /// eta: the share of what is carried that the fluid gets back in a step.

@@ -1,7 +1,7 @@
 //! Pictures of an analysis.
 
 use super::spectrum::Spectrum;
-use super::{BedRow, BubbleRow, BubblesAt, ProfileRow};
+use super::tables::{BedRow, BubbleRow, BubblesAt, ProfileRow};
 use std::path::Path;
 use voidage_campaign::plot::panels::{self, Curve, Panel};
 use voidage_coupling::Result;

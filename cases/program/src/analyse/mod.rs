@@ -10,12 +10,12 @@ mod profiles;
 mod report;
 mod spectrum;
 mod statistics;
+mod tables;
 mod window;
 
 use crate::plot;
 use crate::results::table::{DROP, TIME, Table};
 use crate::results::{FOLDER, Moment, moments, read_scene};
-use bubbles::Bubble;
 use clap::Args;
 use frames::{Lens, Seen, Wanted};
 use report::{Row, short};
@@ -23,6 +23,7 @@ use serde::Serialize;
 use spectrum::Spectrum;
 use statistics::{Estimate, Verdict, estimate};
 use std::path::PathBuf;
+use tables::{BedRow, BubbleRow, Density, ProfileRow, SpectrumRow, bubble_rows, bubbles_by_height, diameter};
 use voidage_campaign::table;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Scene;
@@ -162,122 +163,8 @@ impl Options {
     }
 }
 
-/// A row of `spectra.csv`.
-#[derive(Serialize)]
-struct SpectrumRow {
-    column: String,
-    segments: usize,
-    resolution_per_s: f64,
-    highest_per_s: f64,
-    above_red_noise: f64,
-    by_chance: f64,
-    dominant_per_s: f64,
-    variance: f64,
-    integral: f64,
-}
-
-/// A row of `spectrum.csv`.
-#[derive(Serialize)]
-struct Density<'a> {
-    column: &'a str,
-    frequency_per_s: f64,
-    power_spectral_density: f64,
-    red_noise: f64,
-}
-
-/// A row of `bed.csv`.
-#[derive(Serialize)]
-struct BedRow {
-    time_s: f64,
-    mean_height_m: f64,
-    bed_height_from_mean_m: f64,
-    bed_height_95_m: f64,
-    bubbles: f64,
-    bubble_area_m2: f64,
-    mean_bubble_diameter_m: f64,
-    lacey_index: f64,
-    lacey_scatter: f64,
-    lacey_variance: f64,
-    lacey_variance_mixed: f64,
-    lacey_variance_separated: f64,
-    lacey_cells: f64,
-}
-
-/// A row of `bubbles.csv`.
-#[derive(Serialize)]
-struct BubbleRow {
-    time_s: f64,
-    area_m2: f64,
-    diameter_m: f64,
-    x_m: f64,
-    y_m: f64,
-}
-
-/// A row of `bubbles-by-height.csv`.
-#[derive(Clone, Debug, Serialize)]
-struct BubblesAt {
-    height_m: f64,
-    bubbles: usize,
-    bubbles_per_frame: f64,
-    bubbles_per_frame_standard_error: f64,
-    bubbles_per_frame_verdict: &'static str,
-    diameter_m: f64,
-    diameter_standard_error_m: f64,
-    diameter_verdict: &'static str,
-}
-
-/// A row of `profiles.csv`.
-#[derive(Clone, Debug, Serialize)]
-struct ProfileRow {
-    height_m: f64,
-    width_m: f64,
-    solid_fraction: f64,
-    solid_fraction_standard_error: f64,
-    solid_fraction_verdict: &'static str,
-    upward_flux_m_per_s: f64,
-    upward_flux_standard_error_m_per_s: f64,
-    upward_flux_verdict: &'static str,
-    downward_flux_m_per_s: f64,
-    downward_flux_standard_error_m_per_s: f64,
-    downward_flux_verdict: &'static str,
-    net_flux_m_per_s: f64,
-    net_flux_standard_error_m_per_s: f64,
-    net_flux_verdict: &'static str,
-}
-
 /// A quantity of a frame.
 type Quantity = fn(&BedRow) -> f64;
-
-/// Heights that bubbles are counted at.
-const HEIGHTS: usize = 10;
-/// Fewest bubbles whose mean diameter has an error.
-const FEWEST_BUBBLES: usize = 10;
-
-impl BedRow {
-    fn new(seen: &Seen) -> BedRow {
-        let heights = |of: fn(&bed::Heights) -> f64| seen.heights.as_ref().map_or(f64::NAN, of);
-        let mixing = |of: fn(&mixing::Mixing) -> f64| seen.mixing.as_ref().map_or(f64::NAN, of);
-        let bubbles = |of: fn(&[Bubble]) -> f64| seen.bubbles.as_deref().map_or(f64::NAN, of);
-        BedRow {
-            time_s: seen.time,
-            mean_height_m: heights(|heights| heights.mean),
-            bed_height_from_mean_m: heights(|heights| 2.0 * heights.mean),
-            bed_height_95_m: heights(|heights| heights.surface),
-            bubbles: bubbles(|all| all.len() as f64),
-            bubble_area_m2: bubbles(|all| all.iter().map(|bubble| bubble.area).fold(0.0, |a, b| a + b)),
-            // Of no bubbles nothing is known.
-            mean_bubble_diameter_m: bubbles(|all| {
-                all.iter().map(Bubble::diameter).sum::<f64>() / all.len() as f64
-            }),
-            lacey_index: mixing(mixing::Mixing::index),
-            lacey_scatter: mixing(mixing::Mixing::scatter),
-            lacey_variance: mixing(|mixing| mixing.variance),
-            lacey_variance_mixed: mixing(|mixing| mixing.mixed),
-            lacey_variance_separated: mixing(|mixing| mixing.separated),
-            lacey_cells: mixing(|mixing| mixing.cells as f64),
-        }
-    }
-}
 
 impl Analysis<'_> {
     /// The rows of the series in the window, and what is known of their columns.
@@ -479,8 +366,9 @@ impl Analysis<'_> {
             let by_height = bubbles_by_height(inside, lens.lower[1]);
             self.table("bubbles-by-height.csv", &by_height)?;
             let path = self.folder.join("bubbles.png");
+            let [first, last] = [times[even.rows.start], times[even.rows.end - 1]];
             let all: Vec<&BubbleRow> =
-                bubbles.iter().filter(|one| inside.iter().any(|seen| seen.time == one.time_s)).collect();
+                bubbles.iter().filter(|one| (first..=last).contains(&one.time_s)).collect();
             draw::bubbles(&path, &rows, &all, &by_height, lens.lower[1])?;
             self.made.push(path);
         }
@@ -596,71 +484,4 @@ impl Analysis<'_> {
         self.made.iter().for_each(|path| println!("{}", path.display()));
         Ok(())
     }
-}
-
-fn bubble_rows(seen: &Seen) -> impl Iterator<Item = BubbleRow> {
-    seen.bubbles.iter().flatten().map(|bubble| BubbleRow {
-        time_s: seen.time,
-        area_m2: bubble.area,
-        diameter_m: bubble.diameter(),
-        x_m: bubble.centre[0],
-        y_m: bubble.centre[1],
-    })
-}
-
-/// The mean equivalent diameter of some of the bubbles of frames.
-fn diameter(seen: &[Seen], of_interest: impl Fn(&Bubble) -> bool) -> Estimate {
-    let of = |one: &Seen| -> Vec<f64> {
-        one.bubbles.iter().flatten().filter(|bubble| of_interest(bubble)).map(Bubble::diameter).collect()
-    };
-    let frames: Vec<Vec<f64>> = seen.iter().map(of).collect();
-    let all: Vec<f64> = frames.iter().flatten().copied().collect();
-    let number = all.len() as f64;
-    let mean = all.iter().sum::<f64>() / number;
-    // To first order the error of the ratio of two means is that of the mean of these differences.
-    let rest: Vec<f64> =
-        frames.iter().map(|frame| frame.iter().map(|diameter| diameter - mean).sum()).collect();
-    let mut found = estimate(&rest);
-    let per_frame = number / frames.len() as f64;
-    if all.len() < FEWEST_BUBBLES {
-        let verdict = if all.is_empty() { Verdict::NoNumber } else { Verdict::TooFewRows };
-        found = Estimate { error: f64::NAN, batch_error: f64::NAN, verdict, ..found };
-    }
-    Estimate {
-        mean,
-        deviation: (all.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / (number - 1.0)).sqrt(),
-        error: found.error / per_frame,
-        batch_error: found.batch_error / per_frame,
-        ..found
-    }
-}
-
-/// Number and diameter of bubbles in parts of the height of the bed above its floor.
-fn bubbles_by_height(seen: &[Seen], floor: f64) -> Vec<BubblesAt> {
-    let surface =
-        seen.iter().filter_map(|one| one.heights).map(|heights| heights.surface).fold(0.0, f64::max);
-    let part = surface / HEIGHTS as f64;
-    let is_in = |k: usize| {
-        move |bubble: &Bubble| {
-            let place = ((bubble.centre[1] - floor) / part).floor();
-            place.clamp(0.0, HEIGHTS as f64 - 1.0) as usize == k
-        }
-    };
-    (0..HEIGHTS)
-        .map(|k| {
-            let of = |one: &Seen| one.bubbles.iter().flatten().filter(|bubble| is_in(k)(bubble)).count();
-            let numbers: Vec<f64> = seen.iter().map(|one| of(one) as f64).collect();
-            let (number, diameter) = (estimate(&numbers), diameter(seen, is_in(k)));
-            BubblesAt {
-                height_m: (k as f64 + 0.5) * part,
-                bubbles: numbers.iter().sum::<f64>() as usize,
-                bubbles_per_frame: number.mean,
-                bubbles_per_frame_standard_error: number.error,
-                bubbles_per_frame_verdict: number.verdict.name(),
-                diameter_m: diameter.mean,
-                diameter_standard_error_m: diameter.error,
-                diameter_verdict: diameter.verdict.name(),
-            }
-        })
-        .collect()
 }

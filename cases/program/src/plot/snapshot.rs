@@ -132,7 +132,9 @@ enum Quantity {
 impl Quantity {
     /// The colours of values within bounds.
     fn scale(&self, [low, high]: [f64; 2]) -> Scale {
-        let least = 1e-3 * high.abs().max(1e-9);
+        // Where all values are zero, as the speeds of a bed at rest, any bounds do.
+        let size = high.abs().max(low.abs());
+        let least = if size == 0.0 { 1.0 } else { 1e-3 * size };
         let (low, high) = if high - low < least { (low - least, high + least) } else { (low, high) };
         let scale = |name: &str, gradient: Gradient, [low, high]: [f64; 2], part: [f64; 2]| Scale {
             name: name.to_owned(),
