@@ -348,7 +348,7 @@ const MISTAKES: &[Mistake] = &[
         "heat that never agrees",
         ["scheme = \"iterated\"", "iteration = { heat_tolerance = 0.0 }"],
         "iteration",
-        &["heat_tolerance", "positive"],
+        &["heat_tolerance", "above 0"],
     ),
     mistake(
         "parts of steps in which nothing moves",
