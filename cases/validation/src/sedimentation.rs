@@ -1,6 +1,6 @@
 //! A suspension that settles: Pham Van Bang et al. 2008.
 
-use crate::fields::{Lines, bottom, top};
+use crate::fields::{Lines, bottom, interface};
 use crate::measured::{Points, between, rows};
 use std::path::Path;
 use tracing::warn;
@@ -52,11 +52,11 @@ fn run(effort: Effort) -> Result<Outcome> {
     let scene = Scene::parse(Path::new("cases/validation/sedimentation.toml"), SCENE, &changes)?;
     let mut simulation = Simulation::new(&scene)?;
     let lines = Lines::new(&mut simulation, 1)?;
-    let (mut interface, mut deposit) = (Points::new(), Points::new());
+    let (mut surface, mut deposit) = (Points::new(), Points::new());
     let duration = if quick { 60.0 } else { BEFORE + 1140.0 };
     for _ in 0..=(duration / scene.time.step).ceil() as usize {
         let (time, profile) = (simulation.time() - BEFORE, profile(&lines, &mut simulation)?);
-        interface.push((time, top(&profile, CLEAR)));
+        surface.push((time, interface(&profile, CLEAR)));
         deposit.push((time, bottom(&profile, SETTLED)));
         simulation.step()?;
     }
@@ -69,16 +69,16 @@ fn run(effort: Effort) -> Result<Outcome> {
         Finding::relative(what, "m/s", speed, -line(fall).1, 0.15 * slack)
     };
     let findings = if quick {
-        vec![sinks(&interface, 2.0)]
+        vec![sinks(&surface, 2.0)]
     } else {
         let computed: Points =
             measured[1].iter().map(|(time, _)| (*time, between(&deposit, *time, f64::NAN))).collect();
         let off = measured[1].iter().zip(&computed).map(|(a, b)| (a.1 - b.1).powi(2)).sum::<f64>();
         let off = (off / computed.len() as f64).sqrt();
         let falling = |point: &&(f64, f64)| (0.0..=900.0).contains(&point.0);
-        let fall: Points = interface.iter().filter(falling).copied().collect();
+        let fall: Points = surface.iter().filter(falling).copied().collect();
         let rises = [&measured[1], &computed].map(|points| line(points).1);
-        let height = between(&interface, end.0, f64::NAN);
+        let height = between(&surface, end.0, f64::NAN);
         vec![
             sinks(&fall, 1.0),
             Finding::relative("speed at which the deposit rises", "m/s", rises[0], rises[1], 0.25),
@@ -91,7 +91,7 @@ fn run(effort: Effort) -> Result<Outcome> {
         headroom: 0.2,
         curves: vec![
             Curve::known("interface, measured", millimetres(&measured[0])),
-            Curve::measured("interface", millimetres(&interface)),
+            Curve::measured("interface", millimetres(&surface)),
             Curve::known("deposit, measured", millimetres(&measured[1])),
             Curve::measured("deposit", millimetres(&deposit)),
         ],
