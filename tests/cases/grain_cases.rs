@@ -457,6 +457,38 @@ fn what_walls_give_is_the_change_of_the_momentum_of_the_grains() {
     assert!(simulation.readings().iter().all(|(name, _)| !name.contains("torque_floor")));
 }
 
+/// Angular momentum of the grains about the axis of the drum, N m s per metre, and the moment of their weights, N.
+fn turning(simulation: &Simulation) -> (f64, f64) {
+    let particles = &simulation.coupled().grains().unwrap().particles;
+    let rotation = particles.rotation.as_ref().unwrap();
+    let of = |i: usize| {
+        let (x, v, m) = (particles.position[i], particles.velocity[i], particles.mass[i]);
+        (m * (x.x * v.y - x.y * v.x) + rotation.inertia[i] * rotation.spin[i], -m * G * x.x)
+    };
+    (0..particles.len()).map(of).fold((0.0, 0.0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
+}
+
+#[test]
+fn the_torque_on_a_drum_is_what_turns_its_grains_and_carries_them_aside() {
+    let small = ["grains[0].amount.count=100", "grains[1].amount.count=400"];
+    let mut simulation = Simulation::new(&scene("drum/scene.toml", &small)).unwrap();
+    let (mut given, mut most) = (0.0, 0.0f64);
+    let before = turning(&simulation).0;
+    for _ in 0..600 {
+        simulation.step().unwrap();
+        // The moment over a step is that of the places at its end.
+        let moment = turning(&simulation).1 - reading(&simulation, "wall_torque_drum_N");
+        given += 1e-3 * moment;
+        most += 1e-3 * turning(&simulation).1.abs();
+    }
+    let turned = turning(&simulation).0 - before;
+    assert!((turned - given).abs() < 1e-2 * most, "{turned} against {given}, of {most}");
+    assert!(most > 0.1, "{most}");
+    let columns = simulation.readings();
+    let drum = columns.iter().filter(|(name, _)| name.starts_with("wall_")).count();
+    assert_eq!(drum, 3, "a drum is one body");
+}
+
 /// Highest grain of a heap over the width of what lies, and the mass that the source gave less what is there and what
 /// the sink took, over that of the source.
 fn heap(rolling: f64) -> (f64, f64) {

@@ -95,6 +95,7 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
         "tracer/scene",
         "hopper/scene",
         "stirred-bed/scene",
+        "drum/scene",
         "fed-hopper/scene",
     ] {
         let mut scene = Scene::read(&root().join("cases").join(format!("{case}.toml")), &[]).unwrap();
@@ -112,7 +113,7 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
             let within = Some(ProbeBox { lower: corner(mesh.lower), upper: corner(mesh.upper) });
             scene.output.probes = vec![Probe { name: "all".into(), within, ..Probe::default() }];
         }
-        let walls: Vec<String> = scene.walls.iter().map(|wall| wall.name.clone()).collect();
+        let walls: Vec<String> = scene.walls.iter().map(|wall| wall.body().to_owned()).collect();
         let fluid = scene.fluid.as_ref();
         let boundaries = fluid.iter().flat_map(|fluid| &fluid.boundaries).map(|part| part.name.clone());
         let parts: Vec<String> =

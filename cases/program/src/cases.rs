@@ -6,7 +6,7 @@ use voidage_scene::Scene;
 
 /// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads
 /// another file, so that it runs in any folder.
-pub const CASES: [(&str, &str); 20] = [
+pub const CASES: [(&str, &str); 21] = [
     ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
     ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),
     ("bubbling-bed-quick", include_str!("../../bubbling-bed/scene-quick.toml")),
@@ -16,6 +16,7 @@ pub const CASES: [(&str, &str); 20] = [
     ("drag-laws", include_str!("../../drag-laws/scene.toml")),
     ("droplet-digging", include_str!("../../droplet-digging/scene.toml")),
     ("droplet-digging-quick", include_str!("../../droplet-digging/scene-quick.toml")),
+    ("drum", include_str!("../../drum/scene.toml")),
     ("fed-hopper", include_str!("../../fed-hopper/scene.toml")),
     ("force-chains", include_str!("../../force-chains/scene.toml")),
     ("heap", include_str!("../../heap/scene.toml")),

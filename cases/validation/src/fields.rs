@@ -112,7 +112,10 @@ mod tests {
                     0.5 + reach - 0.5 * reach * reach.abs()
                 };
                 let profile: Vec<(f64, f64)> = (1..9).map(f64::from).map(|y| (y, share * below(y))).collect();
-                assert!((interface(&profile, 0.25 * share / 0.49) - surface).abs() < 1e-12, "{share} {surface}");
+                assert!(
+                    (interface(&profile, 0.25 * share / 0.49) - surface).abs() < 1e-12,
+                    "{share} {surface}"
+                );
             }
         }
     }

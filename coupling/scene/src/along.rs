@@ -1,46 +1,55 @@
-//! Walls that follow a named part of the boundary of the mesh, so that a scene states its geometry once.
+//! Walls of several straight pieces: along a named part of the boundary of the mesh, so that a scene states its geometry
+//! once, and rings.
 
-use super::{Coordinates, MeshSource, Scene, SceneError, Wall};
+use super::{Coordinates, MeshSource, Ring, Scene, SceneError, Wall};
 use std::collections::BTreeMap;
 use voidage_fluid::{Mesh, Vector};
+
+/// Both ends of straight walls.
+type Lines = Vec<[Vector<2>; 2]>;
 
 /// Facets whose directions differ by less, as a sine, are one wall.
 const STRAIGHT: f64 = 1e-9;
 
 impl Scene {
-    /// Puts straight walls in the place of those that follow a part of the boundary. The first of several is called as
-    /// the wall that was asked for, with `-1`, the next with `-2` and so on.
+    /// Puts straight walls in the place of rings and of walls that follow a part of the boundary. The first of several
+    /// is called as the wall that was asked for, with `-1`, the next with `-2` and so on.
     pub(super) fn lay_walls(&mut self) -> Result<(), Box<SceneError>> {
-        if self.walls.iter().all(|wall| wall.along.is_none()) {
-            return Ok(());
-        }
-        let mesh = self.mesh_of_walls()?;
+        let follow = self.walls.iter().any(|wall| wall.along.is_some());
+        let mesh = if follow { Some(self.mesh_of_walls()?) } else { None };
         let mut laid = Vec::new();
         for (i, wall) in self.walls.iter().enumerate() {
-            let Some(name) = &wall.along else {
-                laid.push(wall.clone());
-                continue;
+            let (lines, body) = match (&wall.along, &mesh, &wall.ring) {
+                (Some(name), Some(mesh), _) => (self.lines_along(mesh, name, i)?, wall.body.clone()),
+                // A ring is one body, whose parts are of no interest one by one.
+                (_, _, Some(ring)) => (corners(ring), Some(wall.body().to_owned())),
+                _ => {
+                    laid.push(wall.clone());
+                    continue;
+                }
             };
-            let part = mesh.boundary(name).map_err(|error| {
-                let path = format!("walls[{i}].along");
-                self.origin.error(
-                    &path,
-                    format!("`{path}`: {error}"),
-                    "name a part of the boundary of the mesh",
-                )
-            })?;
-            let lines = straight(&mesh, &part.facets);
             let count = lines.len();
             laid.extend(lines.into_iter().enumerate().map(|(k, [from, to])| Wall {
                 name: if count == 1 { wall.name.clone() } else { format!("{}-{}", wall.name, k + 1) },
                 from: Coordinates(from.as_slice().to_vec()),
                 to: Coordinates(to.as_slice().to_vec()),
                 along: None,
+                ring: None,
+                body: body.clone(),
                 ..wall.clone()
             }));
         }
         self.walls = laid;
         Ok(())
+    }
+
+    fn lines_along(&self, mesh: &Mesh<2>, name: &str, wall: usize) -> Result<Lines, Box<SceneError>> {
+        let part = mesh.boundary(name).map_err(|error| {
+            let path = format!("walls[{wall}].along");
+            let help = "name a part of the boundary of the mesh";
+            self.origin.error(&path, format!("`{path}`: {error}"), help)
+        })?;
+        Ok(straight(mesh, &part.facets))
     }
 
     fn mesh_of_walls(&self) -> Result<Mesh<2>, Box<SceneError>> {
@@ -59,10 +68,19 @@ impl Scene {
     }
 }
 
+/// The sides of a ring, anticlockwise from the right.
+fn corners(ring: &Ring) -> Lines {
+    let corner = |k: usize| {
+        let angle = std::f64::consts::TAU * (k % ring.pieces) as f64 / ring.pieces as f64;
+        ring.centre.vector() + Vector::<2>::new(angle.cos(), angle.sin()) * ring.radius
+    };
+    (0..ring.pieces).map(|k| [corner(k), corner(k + 1)]).collect()
+}
+
 /// The straight lines along facets, in the order of the chains that these form.
-fn straight(mesh: &Mesh<2>, facets: &[u32]) -> Vec<[Vector<2>; 2]> {
+fn straight(mesh: &Mesh<2>, facets: &[u32]) -> Lines {
     let mut after: BTreeMap<u32, u32> = facets.chunks_exact(2).map(|facet| (facet[0], facet[1])).collect();
-    let mut lines: Vec<[Vector<2>; 2]> = Vec::new();
+    let mut lines = Lines::new();
     while !after.is_empty() {
         // A chain begins where no facet ends; what is left then are rings, which begin anywhere.
         let begins = after.keys().find(|node| !after.values().any(|end| end == *node));
@@ -145,6 +163,35 @@ flow = "open"
         let resolved = scene.to_toml().expect("TOML");
         let again = Scene::parse(Path::new("scene.toml"), &resolved, &[]).expect("the same scene");
         assert_eq!(again.walls.len(), 4);
+    }
+
+    #[test]
+    fn a_ring_is_a_closed_polygon_and_one_body() {
+        let ring = "ring = { centre = [0.01, 0.02], radius = 0.05, pieces = 4 }\nbody = \"drum\"";
+        let text = SCENE.replacen("along = \"walls\"", ring, 1);
+        let scene =
+            Scene::parse(Path::new("scene.toml"), &text, &[]).unwrap_or_else(|error| panic!("{error}"));
+        let ends = |k: usize| [scene.walls[k].from.vector::<2>(), scene.walls[k].to.vector::<2>()];
+        for k in 0..4 {
+            assert_eq!(ends(k)[1], ends((k + 1) % 4)[0], "closed");
+            assert!((ends(k)[0] - Vector::<2>::new(0.01, 0.02)).norm() - 0.05 < 1e-15);
+            assert_eq!((scene.walls[k].body(), scene.walls[k].friction), ("drum", Some(0.4)));
+        }
+        assert!((ends(1)[0] - Vector::<2>::new(0.01, 0.07)).norm() < 1e-15, "anticlockwise from the right");
+        assert_eq!(scene.walls[4].body(), "shelf");
+    }
+
+    #[test]
+    fn parts_of_a_body_that_move_apart_are_refused() {
+        let said = |more: &str| {
+            let text = SCENE.replacen("along = \"walls\"", more, 1);
+            Scene::parse(Path::new("scene.toml"), &text, &[]).expect_err("a mistake").to_string()
+        };
+        let ring = "ring = { centre = [0.0, 0.0], radius = 0.1";
+        let moving = said(&format!("{ring} }}\nbody = \"shelf\"\nmotion.velocity = [0.1, 0.0]"));
+        assert!(moving.contains("walls[1].body") && moving.contains("move apart"), "{moving}");
+        assert!(said(&format!("{ring}, pieces = 2 }}")).contains("walls[0].ring.pieces = 2"));
+        assert!(said(&format!("{ring} }}\nalong = \"walls\"")).contains("walls[0].ring"));
     }
 
     #[test]

@@ -380,7 +380,7 @@ pub struct GrainsFile {
 pub struct Wall {
     /// Name, for messages and records.
     pub name: String,
-    /// First end, m. A wall has either `from` and `to`, or `along`.
+    /// First end, m. A wall has either `from` and `to`, or `along`, or `ring`.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub from: Coordinates,
     /// Second end, m.
@@ -390,6 +390,13 @@ pub struct Wall {
     /// none, the ends are `from` and `to`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub along: Option<String>,
+    /// A ring of straight walls around grains, such as a drum. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ring: Option<Ring>,
+    /// Name of the body of which the wall is a part. `series.csv` has force and torque of a body as a whole. Its parts
+    /// move alike, about one centre. Default: the name of the wall.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
     /// Name of one of the materials, from which the wall has friction, resistance to rolling, restitution and
     /// conductivity. Default: none; the wall then conducts heat perfectly.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -415,8 +422,32 @@ pub struct Wall {
     pub motion: Option<Motion>,
 }
 
-/// How a wall moves.
+/// A regular polygon of straight walls.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Ring {
+    /// Its centre, m.
+    pub centre: Coordinates,
+    /// Radius of the circle through its corners, m.
+    pub radius: f64,
+    /// Number of straight walls, at least 3. Default 48.
+    #[serde(default = "pieces_of_a_ring")]
+    pub pieces: usize,
+}
+
+fn pieces_of_a_ring() -> usize {
+    48
+}
+
+impl Wall {
+    /// Name of the body of which the wall is a part.
+    pub fn body(&self) -> &str {
+        self.body.as_ref().unwrap_or(&self.name)
+    }
+}
+
+/// How a wall moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Motion {
     /// Constant velocity, m/s.
@@ -431,7 +462,7 @@ pub enum Motion {
 }
 
 /// A motion by a table: a translation, and a rotation about a centre that moves with the wall.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MotionTable {
     /// Rows `[t, x, y, angle]`: the time, s, which increases; the displacement of the centre, m; the angle, rad,
@@ -449,7 +480,7 @@ pub struct MotionTable {
 }
 
 /// A displacement `amplitude sin(2 pi frequency t + phase)`, less its value at t = 0.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Oscillation {
     /// Amplitude, m.
@@ -462,7 +493,7 @@ pub struct Oscillation {
 }
 
 /// A rotation about a point.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rotation {
     /// The centre of the rotation, m.

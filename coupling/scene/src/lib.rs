@@ -39,7 +39,7 @@ pub use fluid::{
 };
 pub use grains::{
     Amount, Arrangement, By, Contacts, Deposit, GrainSource, Grains, GrainsFile, Lattice, LogNormal,
-    Material, Method, Motion, MotionTable, Oscillation, Pair, Placement, Radius, RandomBox, Rate,
+    Material, Method, Motion, MotionTable, Oscillation, Pair, Placement, Radius, RandomBox, Rate, Ring,
     RosinRammler, Rotation, Sieve, Sink, StateFile, Wall,
 };
 pub use origin::Origin;

@@ -36,6 +36,8 @@ pub struct Simulation {
     gas: (f64, f64),
     /// What is recorded.
     output: Output,
+    /// Bodies that walls make up: how their columns are called, and the walls by number.
+    bodies: Vec<(String, Vec<usize>)>,
     /// Times since which contacts carry a force; empty unless contacts are recorded.
     since: Since,
     network: Option<Network>,
@@ -150,6 +152,19 @@ impl State {
     }
 }
 
+/// The bodies that the walls of a scene make up, in the order of their first walls.
+fn bodies(scene: &Scene) -> Vec<(String, Vec<usize>)> {
+    let mut bodies: Vec<(String, Vec<usize>)> = Vec::new();
+    for (number, wall) in scene.walls.iter().enumerate() {
+        let name = column_name(wall.body());
+        match bodies.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, walls)) => walls.push(number),
+            None => bodies.push((name, vec![number])),
+        }
+    }
+    bodies
+}
+
 /// An error on the way to the end of a step, with the number of the step and the time at its start, s.
 fn in_step(step: u64, time: f64, error: Error) -> Error {
     Error::run(error.notice().within(format_args!("step {step}, from t = {time:.6e} s")))
@@ -202,6 +217,7 @@ impl Simulation {
             surface,
             gas,
             output,
+            bodies: bodies(scene),
             since,
             network,
             events: Coming::of(scene)?,
@@ -512,15 +528,16 @@ impl Simulation {
                 ("contact_residual".into(), step.residual),
                 ("substeps".into(), step.substeps as f64),
             ]);
-            for (wall, force) in grains.walls().iter().zip(grains.wall_force()) {
-                let name = column_name(&wall.name);
+            for (name, walls) in &self.bodies {
+                let force: Vector<2> = walls.iter().map(|wall| grains.wall_force()[*wall]).sum();
                 for (axis, force) in ["x", "y"].iter().zip(force.iter()) {
                     readings.push((format!("wall_force_{name}_{axis}_N_per_m").into(), *force));
                 }
             }
-            for (wall, torque) in grains.walls().iter().zip(grains.wall_torque()) {
-                if wall.pivot(0.0).is_some() {
-                    readings.push((format!("wall_torque_{}_N", column_name(&wall.name)).into(), *torque));
+            for (name, walls) in &self.bodies {
+                if walls.iter().all(|wall| grains.walls()[*wall].pivot(0.0).is_some()) {
+                    let torque: f64 = walls.iter().map(|wall| grains.wall_torque()[*wall]).sum();
+                    readings.push((format!("wall_torque_{name}_N").into(), torque));
                 }
             }
             readings.extend_from_slice(self.network.as_ref().map_or(&[], Network::readings));

@@ -6,7 +6,7 @@ use super::{
 use crate::totals::DEEP;
 use crate::{
     Amount, Deposit, Grains, Lattice, Material, MeshSource, Motion, MotionTable, Placement, Radius,
-    RandomBox, Scene, Wall,
+    RandomBox, Ring, Scene, Wall,
 };
 use std::path::Path;
 use voidage_coupling::Error;
@@ -54,7 +54,43 @@ pub(super) fn walls(scene: &Scene) -> Checked {
         }
     }
     let mut walls = scene.walls.iter().enumerate();
-    walls.try_for_each(|(i, wall)| check_wall(scene, &format!("walls[{i}]"), wall))
+    walls.try_for_each(|(i, wall)| check_wall(scene, &format!("walls[{i}]"), wall))?;
+    (0..scene.walls.len()).try_for_each(|i| check_body(scene, i))
+}
+
+/// The parts of a body move alike, about one centre.
+fn check_body(scene: &Scene, part: usize) -> Checked {
+    let (wall, path) = (&scene.walls[part], format!("walls[{part}].body"));
+    let Some(first) = scene.walls[..part].iter().find(|other| other.body() == wall.body()) else {
+        return Ok(());
+    };
+    let about = |wall: &Wall| match &wall.motion {
+        Some(Motion::Table(table)) => table.centre.is_empty(),
+        _ => false,
+    };
+    if first.motion != wall.motion || about(wall) {
+        let (one, other, body) = (&first.name, &wall.name, wall.body());
+        let message =
+            format!("`{path}`: the walls \"{one}\" and \"{other}\" of the body \"{body}\" move apart");
+        let help = "give all parts of a body the same `motion`, with the same `centre` if it is a table";
+        return fail(scene, &path, message, help);
+    }
+    Ok(())
+}
+
+fn check_ring(scene: &Scene, path: &str, wall: &Wall, ring: &Ring) -> Checked {
+    if !(wall.from.is_empty() && wall.to.is_empty()) || wall.along.is_some() {
+        let message = format!("`{path}` is there beside `from`, `to` or `along`");
+        return fail(scene, path, message, "a wall is straight, or follows the mesh, or is a ring");
+    }
+    coordinates(scene, &format!("{path}.centre"), &ring.centre)?;
+    positive(scene, &format!("{path}.radius"), ring.radius)?;
+    if !(3..=10_000).contains(&ring.pieces) {
+        let key = format!("{path}.pieces");
+        let message = format!("`{key} = {}` is not between 3 and 10000", ring.pieces);
+        return fail(scene, &key, message, "take enough for the grains to roll, such as 48");
+    }
+    Ok(())
 }
 
 fn check_material(scene: &Scene, path: &str, material: &Material) -> Checked {
@@ -287,13 +323,14 @@ fn check_with(scene: &Scene, path: &str, group: usize, other: usize) -> Checked 
 
 fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
     let placed = !(wall.from.is_empty() && wall.to.is_empty());
-    match &wall.along {
-        None => {
+    match (&wall.along, &wall.ring) {
+        (_, Some(ring)) => check_ring(scene, &format!("{path}.ring"), wall, ring)?,
+        (None, None) => {
             coordinates(scene, &format!("{path}.from"), &wall.from)?;
             coordinates(scene, &format!("{path}.to"), &wall.to)?;
             distinct(scene, &format!("{path}.to"), &wall.from, &wall.to)?;
         }
-        Some(_) if placed || wall.motion.is_some() => {
+        (Some(_), None) if placed || wall.motion.is_some() => {
             let key = format!("{path}.along");
             let message = format!("`{key}` is there beside `from`, `to` or `motion`");
             return fail(
@@ -303,7 +340,7 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
                 "a wall `along` the mesh stands where the mesh is at the start",
             );
         }
-        Some(_) => {}
+        (Some(_), None) => {}
     }
     if let Some(material) = &wall.material {
         known(scene, &format!("{path}.material"), material, &material_names(scene), "material")?;
