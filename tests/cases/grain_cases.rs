@@ -60,6 +60,28 @@ fn an_even_bed_has_the_pressure_drop_of_every_drag_law() {
     assert!((0..drops.len()).all(distinct), "the scene tells the laws apart: {drops:?}");
 }
 
+#[test]
+fn a_force_drives_a_fluid_through_a_periodic_bed_at_the_velocity_of_every_drag_law() {
+    for law in Drag::ALL {
+        let mut scene = scene("drag-laws/scene-periodic.toml", &[]);
+        scene.coupling.as_mut().unwrap().drag = law;
+        let mut simulation = Simulation::new(&scene).unwrap();
+        for _ in 0..50 {
+            simulation.step().unwrap();
+        }
+        let readings =
+            voidage_scene::recorder::readings(&scene.output, 0.5, &simulation.view(), &simulation.readings());
+        let velocity = readings.iter().find(|(name, _)| name == "probe_all_velocity_y_m_per_s").unwrap().1;
+        // The fluid in a cubic metre is pushed by eps rho b, and held by the drag.
+        let phi = 0.7 * std::f64::consts::FRAC_PI_4 / (1.01 * 1.01);
+        let around =
+            Surroundings { slip: velocity, voidage: 1.0 - phi, diameter: 1e-3, density: 1.204, viscosity: 2e-5 };
+        let drag = phi * law.coefficient(&around, VoidageFunction::default()) * velocity;
+        let push = (1.0 - phi) * 1.204 * 6000.0;
+        assert!((drag / push - 1.0).abs() < 1e-6, "{law:?}: {drag} against {push} N/m3 at {velocity} m/s");
+    }
+}
+
 // ------------------------------------------------------------------------------------------------ sizes
 
 /// Radii that a law draws.

@@ -6,7 +6,7 @@ use voidage_scene::Scene;
 
 /// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads
 /// another file, so that it runs in any folder.
-pub const CASES: [(&str, &str); 21] = [
+pub const CASES: [(&str, &str); 22] = [
     ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
     ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),
     ("bubbling-bed-quick", include_str!("../../bubbling-bed/scene-quick.toml")),
@@ -14,6 +14,7 @@ pub const CASES: [(&str, &str); 21] = [
     ("column-collapse", include_str!("../../column-collapse/scene.toml")),
     ("column-collapse-gate", include_str!("../../column-collapse/scene-gate.toml")),
     ("drag-laws", include_str!("../../drag-laws/scene.toml")),
+    ("drag-laws-periodic", include_str!("../../drag-laws/scene-periodic.toml")),
     ("droplet-digging", include_str!("../../droplet-digging/scene.toml")),
     ("droplet-digging-quick", include_str!("../../droplet-digging/scene-quick.toml")),
     ("drum", include_str!("../../drum/scene.toml")),
