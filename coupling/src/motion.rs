@@ -64,6 +64,20 @@ pub struct Oscillation<const D: usize> {
     velocity: Vec<Vector<D>>,
 }
 
+/// Weight of each node: 1 on the part of the boundary that moves, 0 on the others, and between them that of
+/// -lap b = `source`. On parts that slide the weight is as free as inside, with no slope across.
+fn weights(mesh: &Mesh<2>, source: f64, moving: Option<&str>, sliding: &[String]) -> Result<Vec<f64>> {
+    let mut held = vec![None; mesh.points.len()];
+    let moving = moving.map(|name| mesh.boundary(name)).transpose()?;
+    for part in mesh.boundaries.iter().filter(|part| !sliding.contains(&part.name)) {
+        part.facets.iter().for_each(|&node| held[node as usize] = Some(0.0));
+    }
+    for &node in moving.iter().flat_map(|part| &part.facets) {
+        held[node as usize] = Some(1.0);
+    }
+    harmonic::<2, 3>(mesh, source, |node| held[node])
+}
+
 impl Oscillation<2> {
     /// An oscillation of the mesh from where it is: `amplitude` in m, `frequency` in 1/s, `boundary` the part that
     /// moves.
@@ -71,16 +85,8 @@ impl Oscillation<2> {
     /// # Errors
     /// There is no such part.
     pub fn new(mesh: &Mesh<2>, amplitude: Vector<2>, frequency: f64, boundary: Option<&str>) -> Result<Self> {
-        let mut held = vec![None; mesh.points.len()];
-        let moving = boundary.map(|name| mesh.boundary(name)).transpose()?;
-        for part in &mesh.boundaries {
-            part.facets.iter().for_each(|&node| held[node as usize] = Some(0.0));
-        }
-        for &node in moving.iter().flat_map(|part| &part.facets) {
-            held[node as usize] = Some(1.0);
-        }
-        let source = if moving.is_some() { 0.0 } else { 1.0 };
-        let mut weight = harmonic::<2, 3>(mesh, source, |node| held[node])?;
+        let source = if boundary.is_some() { 0.0 } else { 1.0 };
+        let mut weight = weights(mesh, source, boundary, &[])?;
         let largest = weight.iter().copied().fold(0.0, f64::max);
         weight.iter_mut().for_each(|weight| *weight /= largest);
         let rate = 2.0 * std::f64::consts::PI * frequency;
@@ -159,6 +165,95 @@ impl<const D: usize> MeshMover<D> for Oscillation<D> {
         let (weight, places) = nodes.split_at(nodes.len() / (D + 1));
         (self.origin, self.weight) = (*origin, weight.to_vec());
         self.rest = places.chunks_exact(D).map(Vector::from_column_slice).collect();
+    }
+}
+
+/// A mesh of which a part of the boundary moves as a rigid body by a law of time, that of a wall of the grains: a piston,
+/// a stirrer. x(t) = X + weight (m(t) - X), where m(t) is where the motion has brought what was at X; the weight is 1 on
+/// that part, 0 on the others, and harmonic between.
+#[derive(Clone, Debug)]
+pub struct Follow {
+    motion: voidage_dem::Motion<2>,
+    /// Places at the time of `origin`, s.
+    rest: Vec<Vector<2>>,
+    weight: Vec<f64>,
+    origin: f64,
+    /// Velocity of the nodes in the step in hand, m/s.
+    velocity: Vec<Vector<2>>,
+}
+
+impl Follow {
+    /// A mesh, as it is at time zero, whose part `boundary` moves; the nodes of the parts `sliding` go along these parts,
+    /// which must be straight and parallel to the motion.
+    ///
+    /// # Errors
+    /// There is no such part; a part that slides is not parallel to the motion, with the place where.
+    pub fn new(
+        mesh: &Mesh<2>,
+        motion: voidage_dem::Motion<2>,
+        boundary: &str,
+        sliding: &[String],
+    ) -> Result<Self> {
+        let weight = weights(mesh, 0.0, Some(boundary), sliding)?;
+        let rest = mesh.points.clone();
+        for name in sliding {
+            for facet in mesh.boundary(name)?.facets.chunks_exact(2) {
+                let [a, b] = [facet[0], facet[1]].map(|node| rest[node as usize]);
+                // The way of the table is seen at its rows, that of other laws in a hundred moments of a second.
+                let times: Vec<f64> = match &motion {
+                    voidage_dem::Motion::Table { rows, .. } => rows.iter().map(|row| row[0]).collect(),
+                    _ => (1..=100).map(|k| 0.01 * f64::from(k)).collect(),
+                };
+                let across = |time: &f64| {
+                    let [way, along] = [motion.carry(a, *time) - a, b - a];
+                    (way.x * along.y - way.y * along.x).abs() > 1e-9 * way.norm() * along.norm()
+                };
+                if times.iter().any(across) {
+                    let message = format!("the motion leaves the part {name:?} at {}", at(&a));
+                    return Err(Error::Mesh(message));
+                }
+            }
+        }
+        Ok(Self { motion, rest, weight, origin: 0.0, velocity: Vec::new() })
+    }
+}
+
+impl MeshMover<2> for Follow {
+    fn place(&self, time: f64, points: &mut [Vector<2>]) {
+        for ((point, rest), weight) in points.iter_mut().zip(&self.rest).zip(&self.weight) {
+            let carried = self.motion.carry(self.motion.uncarry(*rest, self.origin), time);
+            *point = rest + (carried - rest) * *weight;
+        }
+    }
+
+    fn advance(&mut self, time: f64, dt: f64, points: &mut [Vector<2>]) {
+        let before = points.to_vec();
+        self.place(time + dt, points);
+        self.velocity.clear();
+        self.velocity.extend(points.iter().zip(&before).map(|(now, before)| (now - before) / dt));
+    }
+
+    fn velocity(&self) -> &[Vector<2>] {
+        &self.velocity
+    }
+
+    fn remeshed(&mut self, remeshed: &Remeshed<2>, time: f64) {
+        self.rest.clone_from(&remeshed.mesh.points);
+        self.weight = remeshed.carry(&self.weight);
+        self.origin = time;
+    }
+
+    /// Origin, weights and places.
+    fn state(&self) -> Vec<f64> {
+        let places = self.rest.iter().flat_map(|x| x.iter());
+        std::iter::once(&self.origin).chain(&self.weight).chain(places).copied().collect()
+    }
+
+    fn restore(&mut self, state: &[f64]) {
+        let Some((origin, nodes)) = state.split_first() else { return };
+        let (weight, places) = nodes.split_at(nodes.len() / 3);
+        (self.origin, self.weight) = (*origin, weight.to_vec());
+        self.rest = places.chunks_exact(2).map(Vector::from_column_slice).collect();
     }
 }
 
@@ -245,6 +340,35 @@ impl<const D: usize> Coupled<D> {
 mod tests {
     use super::*;
     use voidage_fluid::mesh::{Rectangle, Side, Sides};
+
+    /// A rod that goes aside and turns: its nodes are where the law takes them, also from a mesh that is made on the way.
+    #[test]
+    fn a_part_of_the_boundary_follows_its_law_across_a_remeshing() {
+        let rows = vec![[0.0; 4], [1.0, 0.1, -0.05, 0.7]];
+        let law = voidage_dem::Motion::Table { centre: Vector::<2>::new(0.5, 0.5), rows };
+        let mesh = mesh();
+        let mut follow = Follow::new(&mesh, law.clone(), "lid", &[]).expect("a lid");
+        let lid = mesh.boundary("lid").expect("a lid").facets.clone();
+        let mut points = mesh.points.clone();
+        follow.advance(0.0, 0.4, &mut points);
+        let on_lid = |points: &[Vector<2>], time: f64| {
+            for node in &lid {
+                let exact = law.carry(mesh.points[*node as usize], time);
+                assert!((points[*node as usize] - exact).norm() < 1e-15, "{:?}", points[*node as usize]);
+            }
+        };
+        on_lid(&points, 0.4);
+        // The same nodes as those of a new mesh, from a state that is read back.
+        (follow.rest, follow.origin) = (points.clone(), 0.4);
+        let state = follow.state();
+        let mut again = Follow::new(&mesh, law.clone(), "lid", &[]).expect("a lid");
+        again.restore(&state);
+        again.place(0.9, &mut points);
+        on_lid(&points, 0.9);
+        let wall = mesh.boundary("wall").expect("walls");
+        let held = wall.facets.iter().filter(|node| !lid.contains(node));
+        held.for_each(|node| assert!((points[*node as usize] - mesh.points[*node as usize]).norm() == 0.0));
+    }
 
     fn mesh() -> Mesh<2> {
         let [left, right, bottom, top] = ["wall", "wall", "wall", "lid"].map(Side::named);

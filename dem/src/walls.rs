@@ -42,6 +42,37 @@ pub enum Motion<const D: usize> {
     },
 }
 
+impl<const D: usize> Motion<D> {
+    /// Where a point is at a time, m, that is at `x` before the motion.
+    pub fn carry(&self, x: Vector<D>, time: f64) -> Vector<D> {
+        match self {
+            Self::Fixed => x,
+            Self::Translation { velocity } => x + velocity * time,
+            Self::Oscillation { amplitude, frequency, phase } => {
+                let angle = std::f64::consts::TAU * frequency * time + phase;
+                x + amplitude * (angle.sin() - phase.sin())
+            }
+            Self::Rotation { centre, rate } => turned(x, centre, rate * time),
+            Self::Table { centre, rows } => {
+                let (way, angle) = way(rows, time);
+                turned(x, centre, angle) + way
+            }
+        }
+    }
+
+    /// Where a point was before the motion, m, that is at `x` at a time: the inverse of [`Self::carry`].
+    pub fn uncarry(&self, x: Vector<D>, time: f64) -> Vector<D> {
+        match self {
+            Self::Fixed | Self::Translation { .. } | Self::Oscillation { .. } => x + x - self.carry(x, time),
+            Self::Rotation { centre, rate } => turned(x, centre, -rate * time),
+            Self::Table { centre, rows } => {
+                let (way, angle) = way(rows, time);
+                turned(x - way, centre, -angle)
+            }
+        }
+    }
+}
+
 /// A straight wall that grains meet from either side, and at its ends.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -97,40 +128,7 @@ impl<const D: usize> Wall<D> {
 
     /// End points at a time, m, as if it never vanished.
     pub fn at(&self, time: f64) -> [Vector<D>; 2] {
-        match &self.motion {
-            Motion::Fixed => self.points,
-            Motion::Translation { velocity } => self.points.map(|x| x + velocity * time),
-            &Motion::Oscillation { amplitude, frequency, phase } => {
-                let angle = std::f64::consts::TAU * frequency * time + phase;
-                self.points.map(|x| x + amplitude * (angle.sin() - phase.sin()))
-            }
-            Motion::Rotation { centre, rate } => self.turned(centre, rate * time),
-            Motion::Table { centre, rows } => {
-                let [x, y, angle] = along(rows, time);
-                let way = Vector::from_fn(|a, _| {
-                    if a == 0 {
-                        x
-                    } else if a == D - 1 {
-                        y
-                    } else {
-                        0.0
-                    }
-                });
-                self.turned(centre, angle).map(|end| end + way)
-            }
-        }
-    }
-
-    /// The end points as given, turned about a centre by an angle.
-    fn turned(&self, centre: &Vector<D>, angle: f64) -> [Vector<D>; 2] {
-        let (sin, cos) = angle.sin_cos();
-        self.points.map(|x| {
-            let arm = x - centre;
-            let mut turned = x;
-            turned[0] = centre[0] + cos * arm[0] - sin * arm[1];
-            turned[1] = centre[1] + sin * arm[0] + cos * arm[1];
-            turned
-        })
+        self.points.map(|x| self.motion.carry(x, time))
     }
 
     /// The point about which the wall turns, at a time; none of a wall that does not turn.
@@ -138,21 +136,7 @@ impl<const D: usize> Wall<D> {
         match &self.motion {
             Motion::Fixed | Motion::Translation { .. } | Motion::Oscillation { .. } => None,
             Motion::Rotation { centre, .. } => Some(*centre),
-            Motion::Table { centre, rows } => {
-                let [x, y, _] = along(rows, time);
-                Some(
-                    centre
-                        + Vector::from_fn(|a, _| {
-                            if a == 0 {
-                                x
-                            } else if a == D - 1 {
-                                y
-                            } else {
-                                0.0
-                            }
-                        }),
-                )
-            }
+            Motion::Table { centre, rows } => Some(centre + way(rows, time).0),
         }
     }
 
@@ -207,12 +191,24 @@ impl<const D: usize> Wall<D> {
     }
 }
 
-/// Way and angle of a table at a time.
-fn along(rows: &[[f64; 4]], time: f64) -> [f64; 3] {
+/// Way, m, and angle, rad, of a table at a time.
+fn way<const D: usize>(rows: &[[f64; 4]], time: f64) -> (Vector<D>, f64) {
     let after = rows.partition_point(|row| row[0] <= time);
     let (low, high) = (rows[after.saturating_sub(1)], rows[after.min(rows.len() - 1)]);
     let share = if high[0] > low[0] { ((time - low[0]) / (high[0] - low[0])).clamp(0.0, 1.0) } else { 0.0 };
-    std::array::from_fn(|k| low[k + 1] + (high[k + 1] - low[k + 1]) * share)
+    let [x, y, angle]: [f64; 3] = std::array::from_fn(|k| low[k + 1] + (high[k + 1] - low[k + 1]) * share);
+    let mut way = Vector::zeros();
+    (way[0], way[D - 1]) = (x, y);
+    (way, angle)
+}
+
+/// A point turned about a centre, counter-clockwise in the plane of the first two axes.
+fn turned<const D: usize>(x: Vector<D>, centre: &Vector<D>, angle: f64) -> Vector<D> {
+    let (sin, cos) = angle.sin_cos();
+    let (arm, mut turned) = (x - centre, x);
+    turned[0] = centre[0] + cos * arm[0] - sin * arm[1];
+    turned[1] = centre[1] + sin * arm[0] + cos * arm[1];
+    turned
 }
 
 /// A wall over one sub-step: where it is at the start, and the velocity that carries its end points exactly

@@ -418,6 +418,42 @@ fn refused(folder: &Path, arguments: &[&str]) -> String {
 }
 
 #[test]
+fn mistakes_of_a_mesh_that_follows_a_table_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.toml"), include_str!("../../cases/piston/scene.toml")).unwrap();
+    let turns = "[[0.0,0.0,0.0,0.0],[1.0,0.0,0.0,1.0]]";
+    let aside = "fluid.mesh_motion.table.rows=[[0.0,0.0,0.0,0.0],[1.0,1e-3,0.0,0.0]]";
+    let cases: &[(&[&str], &[&str])] = &[
+        (&[aside], &["fluid.mesh_motion", "leaves the part \"sides\""]),
+        (&["fluid.boundaries[0].flow=no-slip"], &["fluid.mesh_motion.sliding[0]", "would go with them"]),
+        (
+            &["fluid.mesh_motion.frequency=1.0"],
+            &["fluid.mesh_motion.table", "beside `amplitude` or `frequency`"],
+        ),
+        (
+            &["fluid.mesh_motion.table.rows=[[0.0,1e-3,0.0,0.0]]"],
+            &["does not begin where the mesh is", "[t, 0.0, 0.0, 0.0]"],
+        ),
+        (&[&format!("fluid.mesh_motion.table.rows={turns}")], &["has angles, but no `centre`"]),
+        (
+            &[&format!("fluid.mesh_motion.table.rows={turns}"), "fluid.boundaries[1].flow=slip"],
+            &["has angles, but no boundary of the fluid is open"],
+        ),
+        (
+            &["fluid.mesh_motion.sliding=[\"side\"]"],
+            &["fluid.mesh_motion.sliding[0]", "sides, outlet, piston"],
+        ),
+    ];
+    for (sets, says) in cases {
+        let sets = sets.iter().flat_map(|set| ["--set", set]);
+        let arguments: Vec<&str> = ["run", "scene.toml", "--out", "out"].into_iter().chain(sets).collect();
+        let said = refused(folder.path(), &arguments);
+        let missing: Vec<_> = says.iter().filter(|part| !said.contains(**part)).collect();
+        assert!(missing.is_empty(), "{arguments:?}: {missing:?} is not in\n{said}");
+    }
+}
+
+#[test]
 fn mistakes_of_a_droplet_are_named() {
     const DROPLET: &str = include_str!("../../cases/droplet-digging/scene-quick.toml");
     let boundary = "[[fluid.boundaries]]\nname = \"droplet\"\nflow = \"no-slip\"\n\n[droplet]";

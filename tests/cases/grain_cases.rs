@@ -74,8 +74,13 @@ fn a_force_drives_a_fluid_through_a_periodic_bed_at_the_velocity_of_every_drag_l
         let velocity = readings.iter().find(|(name, _)| name == "probe_all_velocity_y_m_per_s").unwrap().1;
         // The fluid in a cubic metre is pushed by eps rho b, and held by the drag.
         let phi = 0.7 * std::f64::consts::FRAC_PI_4 / (1.01 * 1.01);
-        let around =
-            Surroundings { slip: velocity, voidage: 1.0 - phi, diameter: 1e-3, density: 1.204, viscosity: 2e-5 };
+        let around = Surroundings {
+            slip: velocity,
+            voidage: 1.0 - phi,
+            diameter: 1e-3,
+            density: 1.204,
+            viscosity: 2e-5,
+        };
         let drag = phi * law.coefficient(&around, VoidageFunction::default()) * velocity;
         let push = (1.0 - phi) * 1.204 * 6000.0;
         assert!((drag / push - 1.0).abs() < 1e-6, "{law:?}: {drag} against {push} N/m3 at {velocity} m/s");

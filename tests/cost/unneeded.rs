@@ -250,9 +250,8 @@ const PARTS: &[Part] = &[
         on: |scene| {
             fluid(scene).mesh_motion = Some(MeshMotion {
                 amplitude: Coordinates(vec![1e-9, 0.0]),
-                frequency: 5.0,
-                boundary: None,
-                remesh: None,
+                frequency: Some(5.0),
+                ..MeshMotion::default()
             });
         },
         // Places and velocities; too small a motion to change the pieces of the grains.
@@ -263,7 +262,8 @@ const PARTS: &[Part] = &[
         on: |scene| {
             let remesh = Some(Remesh { every: 1000, angle: 0.0 });
             let amplitude = Coordinates(vec![1e-9, 0.0]);
-            fluid(scene).mesh_motion = Some(MeshMotion { amplitude, frequency: 5.0, boundary: None, remesh });
+            fluid(scene).mesh_motion =
+                Some(MeshMotion { amplitude, frequency: Some(5.0), remesh, ..MeshMotion::default() });
         },
         // And the lengths that edges should have.
         adds: Added { wire: [0, 4], memory: [0, 5], ..NOTHING },

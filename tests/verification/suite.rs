@@ -12,9 +12,9 @@ fn grains_in_a_fluid() {
     verify_quickly("coupled");
 }
 
-/// The quick forms of the other two experiments miss what was measured, as the page of validation says.
+/// Without the loose column, whose quick form takes minutes, because it needs small grains.
 #[test]
-fn a_measured_experiment() {
-    let dense = voidage_validation::CASES.iter().filter(|case| case.name == "collapse-dense");
-    solve_quickly(&dense.copied().collect::<Vec<_>>());
+fn measured_experiments() {
+    let short = voidage_validation::CASES.iter().filter(|case| case.name != "collapse-loose");
+    solve_quickly(&short.copied().collect::<Vec<_>>());
 }

@@ -144,7 +144,13 @@ fn fluid(scene: &Scene) {
         let remeshed = motion.remesh.map_or(String::new(), |remesh| {
             format!(", remeshed after {} steps or below {} degrees", remesh.every, remesh.angle)
         });
-        format!("{what} by {:?} m, {} times a second{remeshed}", motion.amplitude.0, motion.frequency)
+        match (&motion.table, motion.frequency) {
+            (Some(table), _) => format!("{what} by a table of {} rows{remeshed}", table.rows.len()),
+            (None, frequency) => {
+                let frequency = frequency.unwrap_or(0.0);
+                format!("{what} by {:?} m, {frequency} times a second{remeshed}", motion.amplitude.0)
+            }
+        }
     });
     part("  heat", fluid.heat.as_ref(), |heat| match heat.expansion {
         0.0 => "on, without buoyancy".to_owned(),

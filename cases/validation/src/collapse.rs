@@ -2,6 +2,7 @@
 
 use crate::fields::{Lines, floor_pressure, top};
 use crate::measured::{Points, between, rows};
+use crate::said;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use tracing::{info, warn};
@@ -66,7 +67,7 @@ const COLUMNS: [Column; 2] = [
         name: "loose",
         packing: include_str!("../packing-loose.toml"),
         beads: 55_600.0,
-        coarse: [4.0, 2.0],
+        coarse: [2.0, 2.0],
         height: 0.048,
         profiles: &[0.66, 1.32],
         end: 1.32,
@@ -205,6 +206,7 @@ fn run(column: &Column, effort: Effort) -> Result<Outcome> {
     while simulation.time() < end - 0.5 * scene.time.step {
         simulation.step()?;
         let time = simulation.time();
+        said(column.name, simulation.steps(), (end / scene.time.step).round() as u64, time);
         if simulation.steps().is_multiple_of(every) {
             fronts.push((time, front(&surface(&lines, &mut simulation)?)));
             let far = floor_pressure(&mut simulation, FAR)?;

@@ -2,6 +2,7 @@
 
 use crate::fields::{Lines, bottom, interface};
 use crate::measured::{Points, between, rows};
+use crate::said;
 use std::path::Path;
 use tracing::warn;
 use voidage_campaign::Effort;
@@ -54,11 +55,13 @@ fn run(effort: Effort) -> Result<Outcome> {
     let lines = Lines::new(&mut simulation, 1)?;
     let (mut surface, mut deposit) = (Points::new(), Points::new());
     let duration = if quick { 60.0 } else { BEFORE + 1140.0 };
-    for _ in 0..=(duration / scene.time.step).ceil() as usize {
+    let steps = 1 + (duration / scene.time.step).ceil() as u64;
+    for step in 1..=steps {
         let (time, profile) = (simulation.time() - BEFORE, profile(&lines, &mut simulation)?);
         surface.push((time, interface(&profile, CLEAR)));
         deposit.push((time, bottom(&profile, SETTLED)));
         simulation.step()?;
+        said("sedimentation", step, steps, simulation.time());
     }
     simulation.shortcomings().iter().for_each(|line| warn!("{line}"));
     let measured: [Points; 2] = [rows(INTERFACE), rows(DEPOSIT)];

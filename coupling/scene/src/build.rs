@@ -9,7 +9,7 @@ use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{self, Choices, Droplet};
 use voidage_coupling::error::{Error, Result};
 use voidage_coupling::exchange::AtGrains;
-use voidage_coupling::motion::Oscillation;
+use voidage_coupling::motion::{Follow, MeshMover, Oscillation};
 use voidage_coupling::remesh::Remesher;
 use voidage_coupling::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
 use voidage_dem::packing::Radii;
@@ -407,24 +407,32 @@ fn fluid(scene: &Scene, described: &scene::Fluid, host: &Host) -> Result<Fluid<2
             Some(Remesher::around_droplet(&fluid.mesh, without(described, &of.boundary), of.remesh));
     }
     if let Some(motion) = &described.mesh_motion {
-        fluid.motion = Some(Box::new(oscillation(scene, motion, &fluid.mesh)?));
+        fluid.motion = Some(mover(scene, motion, &fluid.mesh)?);
         fluid.remesher = motion.remesh.map(|when| Remesher::new(&fluid.mesh, when));
     }
     Ok(fluid)
 }
 
-fn oscillation(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Oscillation<2>> {
-    let (amplitude, boundary) = (motion.amplitude.vector(), motion.boundary.as_deref());
-    let oscillation = Oscillation::new(mesh, amplitude, motion.frequency, boundary);
+/// What moves the mesh.
+fn mover(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Box<dyn MeshMover<2>>> {
+    let wrong = |error: voidage_fluid::Error, remedy: &str| {
+        scene.error("fluid.mesh_motion", format!("`fluid.mesh_motion`: {error}"), remedy)
+    };
+    let boundary = motion.boundary.as_deref();
+    if let (Some(table), Some(boundary)) = (&motion.table, boundary) {
+        let law = Motion::Table { centre: table.centre.vector(), rows: table.rows.clone() };
+        let follow = Follow::new(mesh, law, boundary, &motion.sliding);
+        let remedy = "name parts of the boundary of the mesh; those that slide are straight and parallel to the motion";
+        return Ok(Box::new(follow.map_err(|error| wrong(error, remedy))?));
+    }
+    let (amplitude, frequency) = (motion.amplitude.vector(), motion.frequency.unwrap_or(0.0));
+    let oscillation = Oscillation::new(mesh, amplitude, frequency, boundary);
     let followed = oscillation.and_then(|oscillation| match motion.remesh {
         Some(_) => Ok(oscillation),
         None => oscillation.check(mesh).map(|()| oscillation),
     });
-    followed.map_err(|error| {
-        let message = format!("`fluid.mesh_motion`: {error}");
-        let remedy = "give a smaller amplitude, a boundary of the mesh, or `remesh = {}`";
-        scene.error("fluid.mesh_motion", message, remedy)
-    })
+    let remedy = "give a smaller amplitude, a boundary of the mesh, or `remesh = {}`";
+    Ok(Box::new(followed.map_err(|error| wrong(error, remedy))?))
 }
 
 /// All that the fluid solver of a scene is told once; `None` without fluid.

@@ -1,6 +1,6 @@
 //! The tables of the fluid, its boundaries, and its coupling to the grains.
 
-use super::{Backend, Coordinates};
+use super::{Backend, Coordinates, MotionTable};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -68,19 +68,30 @@ pub enum MeshSource {
     File(PathBuf),
 }
 
-/// A mesh that oscillates: each node is displaced by its weight times `amplitude sin(2 pi frequency t)`. The weight is
-/// 1 on the boundary that moves, 0 on the others, and smooth between them. A moving no-slip wall takes the fluid along,
-/// a moving slip wall pushes it. The walls that the grains meet (`[[walls]]`) have a motion of their own.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+/// A mesh that moves: each node is displaced by its weight times a displacement, `amplitude sin(2 pi frequency t)` or that
+/// of a `table`. The weight is 1 on the boundary that moves, 0 on the others, and smooth between them. A moving no-slip
+/// wall takes the fluid along, a moving slip wall pushes it. The walls that the grains meet (`[[walls]]`) have a motion of
+/// their own, which may be the same table.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshMotion {
-    /// Largest displacement, m. Without `remesh` no cell may be inverted on the way.
+    /// Largest displacement of an oscillation, m. Without `remesh` no cell may be inverted on the way.
+    #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub amplitude: Coordinates,
-    /// Frequency, 1/s. Above 0.
-    pub frequency: f64,
-    /// Name of the part of the boundary that moves. Default: none; only the nodes inside the mesh move.
+    /// Frequency of the oscillation, 1/s. Above 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frequency: Option<f64>,
+    /// A table of times and places instead of an oscillation, whose first row has neither displacement nor angle. It
+    /// needs `boundary`; with angles also `centre`, and an open boundary.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table: Option<MotionTable>,
+    /// Name of the part of the boundary that moves. Default: none; only the nodes inside the mesh oscillate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boundary: Option<String>,
+    /// Names of straight parts of the boundary, parallel to the motion of a `table`, along which nodes slide, such as the
+    /// walls beside a piston. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sliding: Vec<String>,
     /// When the domain is remeshed, with the same boundary. Default: never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remesh: Option<Remesh>,

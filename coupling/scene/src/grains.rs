@@ -386,8 +386,8 @@ pub struct Wall {
     /// Second end, m.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub to: Coordinates,
-    /// Name of a part of the boundary of the mesh: straight walls along this part, where it is at the start. Default:
-    /// none, the ends are `from` and `to`.
+    /// Name of a part of the boundary of the mesh: straight walls along this part, where it is at the start; they may have
+    /// a `motion`. Default: none, the ends are `from` and `to`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub along: Option<String>,
     /// A ring of straight walls around grains, such as a drum. Default: none.

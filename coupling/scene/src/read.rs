@@ -84,28 +84,22 @@ impl Scene {
     /// Reads the tables of motions, which then are part of the scene.
     fn read_motions(&mut self) -> std::result::Result<(), Box<SceneError>> {
         let folder = self.origin.folder().to_path_buf();
-        let mut read = Vec::new();
-        for (k, wall) in self.walls.iter().enumerate() {
-            let Some(Motion::Table(table)) = &wall.motion else { continue };
-            let Some(file) = &table.file else { continue };
-            let path = format!("walls[{k}].motion.table.file");
+        let walls = self.walls.iter_mut().enumerate().filter_map(|(k, wall)| match &mut wall.motion {
+            Some(Motion::Table(table)) => Some((format!("walls[{k}].motion.table.file"), table)),
+            _ => None,
+        });
+        let motion = self.fluid.as_mut().and_then(|fluid| fluid.mesh_motion.as_mut());
+        let mesh = motion.and_then(|motion| motion.table.as_mut());
+        for (path, table) in walls.chain(mesh.map(|table| ("fluid.mesh_motion.table.file".into(), table))) {
+            let Some(file) = table.file.take() else { continue };
             if !table.rows.is_empty() {
                 let message = format!("`{path}` is there beside `rows`");
                 return Err(self.origin.error(&path, message, "take one of the two away"));
             }
-            let rows = motion_rows(&folder.join(file)).map_err(|message| {
-                self.origin.error(
-                    &path,
-                    message,
-                    "give a CSV file with the header t,x,y,angle and a number in each column",
-                )
+            table.rows = motion_rows(&folder.join(file)).map_err(|message| {
+                let help = "give a CSV file with the header t,x,y,angle and a number in each column";
+                self.origin.error(&path, message, help)
             })?;
-            read.push((k, rows));
-        }
-        for (k, rows) in read {
-            if let Some(Motion::Table(table)) = &mut self.walls[k].motion {
-                (table.rows, table.file) = (rows, None);
-            }
         }
         Ok(())
     }

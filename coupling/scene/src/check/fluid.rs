@@ -1,9 +1,10 @@
 //! Checks of the fluid, its mesh and its boundaries.
 
+use super::grains::check_table;
 use super::{Checked, coordinates, fail, known, not_negative, positive, tolerance, within};
 use crate::{
-    Backend, Boundary, Droplet, Flow, Fluid, FluidHeat, HeatBoundary, Liquid, MeshSource, ScalarBoundary,
-    Scene, Solver,
+    Backend, Boundary, Droplet, Flow, Fluid, FluidHeat, HeatBoundary, Liquid, MeshMotion, MeshSource,
+    ScalarBoundary, Scene, Solver,
 };
 use std::f64::consts::{PI, TAU};
 use voidage_coupling::TEMPERATURE;
@@ -12,6 +13,68 @@ use voidage_remote::transport::Address;
 
 /// Most triangles of a mesh: ten times what a step of a minute takes, and what memory holds.
 const MOST_CELLS: f64 = 2e7;
+
+/// How the mesh moves; whether the mesh can follow is seen when it is there.
+fn check_motion(scene: &Scene, fluid: &Fluid, motion: &MeshMotion) -> Checked {
+    let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
+    let part = "boundary of the mesh";
+    if let Some(name) = &motion.boundary {
+        known(scene, "fluid.mesh_motion.boundary", name, &names, part)?;
+    }
+    for (k, name) in motion.sliding.iter().enumerate() {
+        let path = format!("fluid.mesh_motion.sliding[{k}]");
+        known(scene, &path, name, &names, part)?;
+        let slides = |boundary: &&Boundary| boundary.name == *name && matches!(boundary.flow, Flow::NoSlip);
+        if fluid.boundaries.iter().any(|boundary| slides(&boundary)) {
+            let message =
+                format!("`{path}`: the nodes of {name:?} slide, and a no-slip wall would go with them");
+            return fail(
+                scene,
+                &path,
+                message,
+                "give that part `flow = { velocity = [0.0, 0.0] }` or \"slip\"",
+            );
+        }
+    }
+    if let Some(remesh) = &motion.remesh {
+        positive(scene, "fluid.mesh_motion.remesh.every", remesh.every as f64)?;
+        within(scene, "fluid.mesh_motion.remesh.angle", remesh.angle, 0.0, 25.0)?;
+    }
+    let Some(table) = &motion.table else {
+        if !motion.sliding.is_empty() {
+            let message = "`fluid.mesh_motion.sliding` is there, but no `table`";
+            return fail(scene, "fluid.mesh_motion.sliding", message, "take it away, or give a `table`");
+        }
+        coordinates(scene, "fluid.mesh_motion.amplitude", &motion.amplitude)?;
+        return positive(scene, "fluid.mesh_motion.frequency", motion.frequency.unwrap_or(0.0));
+    };
+    let path = "fluid.mesh_motion.table";
+    if motion.frequency.is_some() || !motion.amplitude.is_empty() {
+        let message = format!("`{path}` is there beside `amplitude` or `frequency`");
+        return fail(scene, path, message, "the mesh oscillates, or follows a table");
+    }
+    if motion.boundary.is_none() {
+        let message = format!("`{path}` is there, but no `fluid.mesh_motion.boundary`");
+        return fail(scene, path, message, "name the part of the boundary that moves");
+    }
+    check_table(scene, path, table)?;
+    let begins = table.rows.first().is_some_and(|row| row[1..] == [0.0; 3] && row[0] >= 0.0);
+    if !begins {
+        let message = format!("`{path}` does not begin where the mesh is");
+        return fail(scene, path, message, "begin with a row [t, 0.0, 0.0, 0.0], with t not below 0");
+    }
+    let turns = table.rows.iter().any(|row| row[3] != 0.0);
+    if turns && !fluid.boundaries.iter().any(|boundary| matches!(boundary.flow, Flow::Open { .. })) {
+        // Nodes go along chords, so that a step that turns displaces a little volume: 2 A (1 - cos angle).
+        let message = format!("`{path}` has angles, but no boundary of the fluid is open");
+        return fail(scene, path, message, "open one, or let the body go round without turning");
+    }
+    if turns && table.centre.is_empty() {
+        let message = format!("`{path}` has angles, but no `centre`");
+        return fail(scene, path, message, "give the centre of the rotation");
+    }
+    Ok(())
+}
 
 pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
     positive(scene, "fluid.density", fluid.density)?;
@@ -24,16 +87,7 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
         coordinates(scene, "fluid.body_force", force)?;
     }
     if let Some(motion) = &fluid.mesh_motion {
-        coordinates(scene, "fluid.mesh_motion.amplitude", &motion.amplitude)?;
-        positive(scene, "fluid.mesh_motion.frequency", motion.frequency)?;
-        if let Some(name) = &motion.boundary {
-            let names: Vec<&str> = fluid.boundaries.iter().map(|boundary| boundary.name.as_str()).collect();
-            known(scene, "fluid.mesh_motion.boundary", name, &names, "boundary of the mesh")?;
-        }
-        if let Some(remesh) = &motion.remesh {
-            positive(scene, "fluid.mesh_motion.remesh.every", remesh.every as f64)?;
-            within(scene, "fluid.mesh_motion.remesh.angle", remesh.angle, 0.0, 25.0)?;
-        }
+        check_motion(scene, fluid, motion)?;
     }
     if let Some(heat) = &fluid.heat {
         check_heat(scene, heat)?;

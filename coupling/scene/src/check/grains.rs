@@ -64,11 +64,7 @@ fn check_body(scene: &Scene, part: usize) -> Checked {
     let Some(first) = scene.walls[..part].iter().find(|other| other.body() == wall.body()) else {
         return Ok(());
     };
-    let about = |wall: &Wall| match &wall.motion {
-        Some(Motion::Table(table)) => table.centre.is_empty(),
-        _ => false,
-    };
-    if first.motion != wall.motion || about(wall) {
+    if first.motion != wall.motion || turns_apart(wall) {
         let (one, other, body) = (&first.name, &wall.name, wall.body());
         let message =
             format!("`{path}`: the walls \"{one}\" and \"{other}\" of the body \"{body}\" move apart");
@@ -76,6 +72,14 @@ fn check_body(scene: &Scene, part: usize) -> Checked {
         return fail(scene, &path, message, help);
     }
     Ok(())
+}
+
+/// Whether the parts of a wall would rotate about a centre each.
+fn turns_apart(wall: &Wall) -> bool {
+    match &wall.motion {
+        Some(Motion::Table(table)) => table.centre.is_empty() && table.rows.iter().any(|row| row[3] != 0.0),
+        _ => false,
+    }
 }
 
 fn check_ring(scene: &Scene, path: &str, wall: &Wall, ring: &Ring) -> Checked {
@@ -323,6 +327,11 @@ fn check_with(scene: &Scene, path: &str, group: usize, other: usize) -> Checked 
 
 fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
     let placed = !(wall.from.is_empty() && wall.to.is_empty());
+    if turns_apart(wall) && (wall.along.is_some() || wall.ring.is_some()) {
+        let key = format!("{path}.motion.table");
+        let message = format!("`{key}` has angles, but no `centre`");
+        return fail(scene, &key, message, "give the centre of the rotation of all parts of the wall");
+    }
     match (&wall.along, &wall.ring) {
         (_, Some(ring)) => check_ring(scene, &format!("{path}.ring"), wall, ring)?,
         (None, None) => {
@@ -330,15 +339,12 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
             coordinates(scene, &format!("{path}.to"), &wall.to)?;
             distinct(scene, &format!("{path}.to"), &wall.from, &wall.to)?;
         }
-        (Some(_), None) if placed || wall.motion.is_some() => {
+        (Some(_), None) if placed => {
             let key = format!("{path}.along");
-            let message = format!("`{key}` is there beside `from`, `to` or `motion`");
-            return fail(
-                scene,
-                &key,
-                message,
-                "a wall `along` the mesh stands where the mesh is at the start",
-            );
+            let message = format!("`{key}` is there beside `from` or `to`");
+            let help =
+                "a wall `along` the mesh stands where the mesh is at the start, unless it has a `motion`";
+            return fail(scene, &key, message, help);
         }
         (Some(_), None) => {}
     }
@@ -364,7 +370,7 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
 }
 
 /// The rows of a motion, as they are in the scene or were read from a file.
-fn check_table(scene: &Scene, path: &str, table: &MotionTable) -> Checked {
+pub(super) fn check_table(scene: &Scene, path: &str, table: &MotionTable) -> Checked {
     if !table.centre.is_empty() {
         coordinates(scene, &format!("{path}.centre"), &table.centre)?;
     }
