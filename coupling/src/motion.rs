@@ -1,6 +1,7 @@
 //! Meshes that move: the trait of what moves them, and a law of time that does.
 
 use crate::{Coupled, Fluid, Mixture, Notice, StepReport, System};
+use voidage_dem::Motion;
 use voidage_fluid::harmonic::harmonic;
 use voidage_fluid::mesh::Remeshed;
 use voidage_fluid::{Error, Mesh, Result, Vector};
@@ -62,6 +63,20 @@ pub struct Oscillation<const D: usize> {
     origin: f64,
     /// Velocity of the nodes in the step in hand, m/s.
     velocity: Vec<Vector<D>>,
+}
+
+/// What a mesh that was made on the way follows from: origin, weights and places.
+fn kept<const D: usize>(origin: f64, weight: &[f64], rest: &[Vector<D>]) -> Vec<f64> {
+    let places = rest.iter().flat_map(|x| x.iter());
+    std::iter::once(&origin).chain(weight).chain(places).copied().collect()
+}
+
+/// The same, taken back.
+fn restored<const D: usize>(state: &[f64]) -> Option<(f64, Vec<f64>, Vec<Vector<D>>)> {
+    let (origin, nodes) = state.split_first()?;
+    let (weight, places) = nodes.split_at(nodes.len() / (D + 1));
+    let places = places.chunks_exact(D).map(Vector::from_column_slice).collect();
+    Some((*origin, weight.to_vec(), places))
 }
 
 /// Weight of each node: 1 on the part of the boundary that moves, 0 on the others, and between them that of
@@ -154,26 +169,22 @@ impl<const D: usize> MeshMover<D> for Oscillation<D> {
         self.origin = (self.rate * time).sin();
     }
 
-    /// Origin, weights and places.
     fn state(&self) -> Vec<f64> {
-        let places = self.rest.iter().flat_map(|x| x.iter());
-        std::iter::once(&self.origin).chain(&self.weight).chain(places).copied().collect()
+        kept(self.origin, &self.weight, &self.rest)
     }
 
     fn restore(&mut self, state: &[f64]) {
-        let Some((origin, nodes)) = state.split_first() else { return };
-        let (weight, places) = nodes.split_at(nodes.len() / (D + 1));
-        (self.origin, self.weight) = (*origin, weight.to_vec());
-        self.rest = places.chunks_exact(D).map(Vector::from_column_slice).collect();
+        let Some(kept) = restored(state) else { return };
+        (self.origin, self.weight, self.rest) = kept;
     }
 }
 
-/// A mesh of which a part of the boundary moves as a rigid body by a law of time, that of a wall of the grains: a piston,
-/// a stirrer. x(t) = X + weight (m(t) - X), where m(t) is where the motion has brought what was at X; the weight is 1 on
+/// A mesh of which a part of the boundary moves as a rigid body by a table, as a wall of the grains may: a piston, a
+/// stirrer. x(t) = X + weight (m(t) - X), where m(t) is where the motion has brought what was at X; the weight is 1 on
 /// that part, 0 on the others, and harmonic between.
 #[derive(Clone, Debug)]
 pub struct Follow {
-    motion: voidage_dem::Motion<2>,
+    motion: Motion<2>,
     /// Places at the time of `origin`, s.
     rest: Vec<Vector<2>>,
     weight: Vec<f64>,
@@ -183,27 +194,25 @@ pub struct Follow {
 }
 
 impl Follow {
-    /// A mesh, as it is at time zero, whose part `boundary` moves; the nodes of the parts `sliding` go along these parts,
-    /// which must be straight and parallel to the motion.
+    /// A mesh, as it is at time zero, whose part `boundary` moves by the rows of a [`Motion::Table`] with its `centre`;
+    /// the nodes of the parts `sliding` go along these parts, which must be straight and parallel to the motion.
     ///
     /// # Errors
     /// There is no such part; a part that slides is not parallel to the motion, with the place where.
     pub fn new(
         mesh: &Mesh<2>,
-        motion: voidage_dem::Motion<2>,
+        centre: Vector<2>,
+        rows: Vec<[f64; 4]>,
         boundary: &str,
         sliding: &[String],
     ) -> Result<Self> {
         let weight = weights(mesh, 0.0, Some(boundary), sliding)?;
         let rest = mesh.points.clone();
+        let times: Vec<f64> = rows.iter().map(|row| row[0]).collect();
+        let motion = Motion::Table { centre, rows };
         for name in sliding {
             for facet in mesh.boundary(name)?.facets.chunks_exact(2) {
                 let [a, b] = [facet[0], facet[1]].map(|node| rest[node as usize]);
-                // The way of the table is seen at its rows, that of other laws in a hundred moments of a second.
-                let times: Vec<f64> = match &motion {
-                    voidage_dem::Motion::Table { rows, .. } => rows.iter().map(|row| row[0]).collect(),
-                    _ => (1..=100).map(|k| 0.01 * f64::from(k)).collect(),
-                };
                 let across = |time: &f64| {
                     let [way, along] = [motion.carry(a, *time) - a, b - a];
                     (way.x * along.y - way.y * along.x).abs() > 1e-9 * way.norm() * along.norm()
@@ -243,17 +252,13 @@ impl MeshMover<2> for Follow {
         self.origin = time;
     }
 
-    /// Origin, weights and places.
     fn state(&self) -> Vec<f64> {
-        let places = self.rest.iter().flat_map(|x| x.iter());
-        std::iter::once(&self.origin).chain(&self.weight).chain(places).copied().collect()
+        kept(self.origin, &self.weight, &self.rest)
     }
 
     fn restore(&mut self, state: &[f64]) {
-        let Some((origin, nodes)) = state.split_first() else { return };
-        let (weight, places) = nodes.split_at(nodes.len() / 3);
-        (self.origin, self.weight) = (*origin, weight.to_vec());
-        self.rest = places.chunks_exact(2).map(Vector::from_column_slice).collect();
+        let Some(kept) = restored(state) else { return };
+        (self.origin, self.weight, self.rest) = kept;
     }
 }
 
@@ -345,9 +350,10 @@ mod tests {
     #[test]
     fn a_part_of_the_boundary_follows_its_law_across_a_remeshing() {
         let rows = vec![[0.0; 4], [1.0, 0.1, -0.05, 0.7]];
-        let law = voidage_dem::Motion::Table { centre: Vector::<2>::new(0.5, 0.5), rows };
+        let centre = Vector::<2>::new(0.5, 0.5);
+        let law = Motion::Table { centre, rows: rows.clone() };
         let mesh = mesh();
-        let mut follow = Follow::new(&mesh, law.clone(), "lid", &[]).expect("a lid");
+        let mut follow = Follow::new(&mesh, centre, rows.clone(), "lid", &[]).expect("a lid");
         let lid = mesh.boundary("lid").expect("a lid").facets.clone();
         let mut points = mesh.points.clone();
         follow.advance(0.0, 0.4, &mut points);
@@ -361,7 +367,7 @@ mod tests {
         // The same nodes as those of a new mesh, from a state that is read back.
         (follow.rest, follow.origin) = (points.clone(), 0.4);
         let state = follow.state();
-        let mut again = Follow::new(&mesh, law.clone(), "lid", &[]).expect("a lid");
+        let mut again = Follow::new(&mesh, centre, rows, "lid", &[]).expect("a lid");
         again.restore(&state);
         again.place(0.9, &mut points);
         on_lid(&points, 0.9);

@@ -420,8 +420,7 @@ fn mover(scene: &Scene, motion: &scene::MeshMotion, mesh: &Mesh<2>) -> Result<Bo
     };
     let boundary = motion.boundary.as_deref();
     if let (Some(table), Some(boundary)) = (&motion.table, boundary) {
-        let law = Motion::Table { centre: table.centre.vector(), rows: table.rows.clone() };
-        let follow = Follow::new(mesh, law, boundary, &motion.sliding);
+        let follow = Follow::new(mesh, table.centre.vector(), table.rows.clone(), boundary, &motion.sliding);
         let remedy = "name parts of the boundary of the mesh; those that slide are straight and parallel to the motion";
         return Ok(Box::new(follow.map_err(|error| wrong(error, remedy))?));
     }
