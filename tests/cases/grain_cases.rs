@@ -33,6 +33,13 @@ fn the_drawn_drag_laws_are_those_of_the_program() {
     assert!(picture.starts_with(b"\x89PNG") && picture.len() > 50_000);
 }
 
+/// A column of the series that a scene asks for, as of now.
+fn written(scene: &Scene, simulation: &Simulation, column: &str) -> f64 {
+    let (view, more) = (simulation.view(), simulation.readings());
+    let readings = voidage_scene::recorder::readings(&scene.output, simulation.time(), &view, &more);
+    readings.iter().find(|(name, _)| name == column).unwrap().1
+}
+
 #[test]
 fn an_even_bed_has_the_pressure_drop_of_every_drag_law() {
     let mut drops = Vec::new();
@@ -43,9 +50,7 @@ fn an_even_bed_has_the_pressure_drop_of_every_drag_law() {
         for _ in 0..10 {
             simulation.step().unwrap();
         }
-        let readings =
-            voidage_scene::recorder::readings(&scene.output, 0.1, &simulation.view(), &simulation.readings());
-        let drop = readings.iter().find(|(name, _)| name == "pressure_drop_Pa").unwrap().1;
+        let drop = written(&scene, &simulation, "pressure_drop_Pa");
         let phi = 0.7 * std::f64::consts::FRAC_PI_4 / (1.01 * 1.01);
         let slip = 0.5 / (1.0 - phi);
         let around =
@@ -69,9 +74,7 @@ fn a_force_drives_a_fluid_through_a_periodic_bed_at_the_velocity_of_every_drag_l
         for _ in 0..50 {
             simulation.step().unwrap();
         }
-        let readings =
-            voidage_scene::recorder::readings(&scene.output, 0.5, &simulation.view(), &simulation.readings());
-        let velocity = readings.iter().find(|(name, _)| name == "probe_all_velocity_y_m_per_s").unwrap().1;
+        let velocity = written(&scene, &simulation, "probe_all_velocity_y_m_per_s");
         // The fluid in a cubic metre is pushed by eps rho b, and held by the drag.
         let phi = 0.7 * std::f64::consts::FRAC_PI_4 / (1.01 * 1.01);
         let around = Surroundings {

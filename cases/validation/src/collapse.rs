@@ -184,7 +184,7 @@ fn apart(computed: &[(f64, f64)], measured: &[(f64, f64)], height: f64) -> f64 {
         / height
 }
 
-/// The quick form has larger grains and a twentieth of a second: whether the liquid carries the loose column and is
+/// The quick form takes a twentieth of a second, the dense column with larger grains: whether the liquid carries the loose column and is
 /// sucked into the dense one.
 fn run(column: &Column, effort: Effort) -> Result<Outcome> {
     let folder =

@@ -189,7 +189,10 @@ flow = "open"
         };
         let ring = "ring = { centre = [0.0, 0.0], radius = 0.1";
         let moving = said(&format!("{ring} }}\nbody = \"shelf\"\nmotion.velocity = [0.1, 0.0]"));
-        assert!(moving.contains("walls[1].body") && moving.contains("move apart"), "{moving}");
+        assert!(moving.contains("walls[1].body") && moving.contains("do not move as one"), "{moving}");
+        // Each part would have its torque about its own middle.
+        let table = said(&format!("{ring} }}\nmotion.table.rows = [[0.0, 0.0, 0.0, 0.0]]"));
+        assert!(table.contains("walls[0].motion.table") && table.contains("no `centre`"), "{table}");
         assert!(said(&format!("{ring}, pieces = 2 }}")).contains("walls[0].ring.pieces = 2"));
         assert!(said(&format!("{ring} }}\nalong = \"walls\"")).contains("walls[0].ring"));
     }

@@ -473,8 +473,8 @@ pub struct MotionTable {
     /// none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// Centre of the rotation before the wall moves, m. The torque in series.csv is about this centre. Default: the
-    /// middle of the wall.
+    /// Centre of the rotation before the wall moves, m. The torque in series.csv is about this centre. Needed for
+    /// walls `along` a mesh, rings and bodies. Default: the middle of the wall.
     #[serde(default, skip_serializing_if = "Coordinates::is_empty")]
     pub centre: Coordinates,
 }

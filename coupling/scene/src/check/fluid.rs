@@ -1,6 +1,6 @@
 //! Checks of the fluid, its mesh and its boundaries.
 
-use super::grains::check_table;
+use super::walls::check_table;
 use super::{Checked, coordinates, fail, known, not_negative, positive, tolerance, within};
 use crate::{
     Backend, Boundary, Droplet, Flow, Fluid, FluidHeat, HeatBoundary, Liquid, MeshMotion, MeshSource,
@@ -24,8 +24,8 @@ fn check_motion(scene: &Scene, fluid: &Fluid, motion: &MeshMotion) -> Checked {
     for (k, name) in motion.sliding.iter().enumerate() {
         let path = format!("fluid.mesh_motion.sliding[{k}]");
         known(scene, &path, name, &names, part)?;
-        let slides = |boundary: &&Boundary| boundary.name == *name && matches!(boundary.flow, Flow::NoSlip);
-        if fluid.boundaries.iter().any(|boundary| slides(&boundary)) {
+        let holds = |boundary: &Boundary| boundary.name == *name && matches!(boundary.flow, Flow::NoSlip);
+        if fluid.boundaries.iter().any(holds) {
             let message =
                 format!("`{path}`: the nodes of {name:?} slide, and a no-slip wall would go with them");
             return fail(

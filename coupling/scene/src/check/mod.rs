@@ -4,6 +4,7 @@ mod fluid;
 mod grains;
 mod passage;
 mod periodic;
+mod walls;
 
 use super::{Coordinates, Scene, SceneError};
 use voidage_coupling::TEMPERATURE;
@@ -83,7 +84,7 @@ fn iteration(scene: &Scene, iteration: &Iteration) -> Checked {
 
 /// Checks of the walls, before those that follow a mesh are laid.
 pub(super) fn walls(scene: &Scene) -> Checked {
-    grains::walls(scene)
+    walls::check(scene)
 }
 
 /// Checks of the values, with defaults filled in.
