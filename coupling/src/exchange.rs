@@ -23,6 +23,7 @@
 //! So c = 1/(1 + X/[`LASTING`]).
 
 use crate::load::{GrainLoad, Law};
+use crate::scheme::anchored::velocity_offset;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use voidage_fluid::flow::State;
@@ -103,9 +104,14 @@ pub struct OnMesh<'a, const D: usize> {
 }
 
 impl<const D: usize> OnMesh<'_, D> {
-    fn velocity(&self, cell: u32, coordinate: &Vector<D>) -> Vector<D> {
+    pub(crate) fn velocity(&self, cell: u32, coordinate: &Vector<D>) -> Vector<D> {
+        self.vector(&self.fields.velocity, cell, coordinate)
+    }
+
+    /// Value of a nodal vector field at a point of a cell.
+    pub(crate) fn vector(&self, field: &[Vector<D>], cell: u32, coordinate: &Vector<D>) -> Vector<D> {
         let nodes = self.mesh.cell(cell as usize);
-        let value = |k: usize| self.fields.velocity[nodes[k] as usize];
+        let value = |k: usize| field[nodes[k] as usize];
         (0..D).fold(value(0) * (1.0 - coordinate.sum()), |sum, k| sum + value(k + 1) * coordinate[k])
     }
 
@@ -191,7 +197,7 @@ impl<const D: usize> GrainLoad<D> {
                 out.volume[q] = share * self.volume[grain];
                 out.drag[q] = share * self.drag[grain];
                 out.mobility[q] = self.mobility[grain] / share;
-                out.velocity[q] = self.velocity[grain];
+                out.velocity[q] = self.velocity[grain] + self.known(grain) * self.mobility[grain];
             }
         }
         match &self.continuity {
@@ -200,6 +206,11 @@ impl<const D: usize> GrainLoad<D> {
                 out.flux_velocity.copy_from_slice(&out.velocity);
             }
             Some(law) => self.fill_flux(law, rigid, out),
+        }
+        // A point has no known force: in the equation of momentum a velocity stands for it that the drag turns into it.
+        for (grain, known) in self.known.iter().enumerate() {
+            let unfelt = velocity_offset(*known, self.drag[grain]);
+            pieces.of(grain).for_each(|q| out.velocity[q] -= unfelt);
         }
         out.scalars.resize(scalars, None);
         for (scalar, columns) in out.scalars.iter_mut().enumerate() {
@@ -213,7 +224,8 @@ impl<const D: usize> GrainLoad<D> {
     fn fill_flux(&self, law: &Law<D>, rigid: &Rigid<'_, D>, out: &mut Points<D>) {
         let pieces = &self.pieces;
         for grain in 0..pieces.grains() {
-            let (mobility, velocity) = (law.mobility[grain], law.velocity[grain]);
+            let mobility = law.mobility[grain];
+            let velocity = law.velocity[grain] + self.known(grain) * mobility;
             let (drag, volume) = (self.drag[grain], self.volume[grain]);
             if mobility == 0.0 {
                 for q in pieces.of(grain) {

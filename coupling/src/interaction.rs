@@ -6,6 +6,7 @@ use crate::droplet::wet::Wet;
 use crate::exchange::{self, AtGrains, OnMesh};
 use crate::load::{GrainLoad, HeatLoad};
 use crate::overlap::Overlap;
+use crate::unsteady::Unsteady;
 use crate::{Carried, HEAT, Result, StepReport};
 use rayon::prelude::*;
 use voidage_dem::Dem;
@@ -22,6 +23,8 @@ pub struct Laws {
     pub voidage_function: VoidageFunction,
     /// Heat-transfer law.
     pub heat: HeatTransfer,
+    /// Added mass and lift.
+    pub unsteady: Unsteady,
     /// Density of the fluid, kg/m3.
     pub density: f64,
     /// Viscosity of the fluid, Pa s.
@@ -44,6 +47,9 @@ pub struct Interaction<const D: usize> {
     pub voidage: Vec<f64>,
     /// Force of the fluid on each grain, mean over the last step, N.
     pub force: Vec<Vector<D>>,
+    /// What drag and added mass felt of the motion of each grain in the last implicit step, m/s; empty without added
+    /// mass, when it is the mean velocity.
+    pub felt: Vec<Vector<D>>,
     /// Heat from the fluid to each grain, mean over the last step, W; empty without heat.
     pub heat: Vec<f64>,
     /// Scalars of the fluid, by number, and the values below which contacts may stick; empty where nothing but the
@@ -80,6 +86,7 @@ impl<const D: usize> Default for Interaction<D> {
             at: AtGrains::default(),
             voidage: vec![],
             force: vec![],
+            felt: vec![],
             heat: vec![],
             sticks_below: vec![],
             cohesive: vec![],

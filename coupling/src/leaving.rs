@@ -138,6 +138,8 @@ impl<const D: usize> crate::Interaction<D> {
             }
         }
         self.load.pieces.clear();
+        self.load.added.clear();
+        self.load.known.clear();
         self.overlap.forget();
     }
 
@@ -172,6 +174,8 @@ impl<const D: usize> crate::Interaction<D> {
             carried.change();
         }
         self.load.pieces.clear();
+        self.load.added.clear();
+        self.load.known.clear();
         self.overlap.forget();
     }
 }

@@ -23,6 +23,7 @@ pub mod remesh;
 pub mod report;
 pub mod scheme;
 pub mod step;
+pub mod unsteady;
 
 pub use agreement::{Agreement, Carried};
 pub use appearing::Appearing;

@@ -4,7 +4,7 @@ use crate::exchange::{AtGrains, Pieces};
 use voidage_fluid::Vector;
 
 /// The grains in the fluid: where they are, their drag and the affine law of the velocity
-/// that they will have, v* = velocity + mobility (drag u - volume grad p).
+/// that they will have, v* = velocity + mobility (drag u - volume grad p + known).
 #[derive(Clone, Debug, Default)]
 pub struct GrainLoad<const D: usize> {
     /// The grains cut by the mesh.
@@ -13,8 +13,12 @@ pub struct GrainLoad<const D: usize> {
     pub voidage: Vec<f64>,
     /// Solid volume V inside the mesh, m3 (m2 in the plane).
     pub volume: Vec<f64>,
-    /// Drag coefficient gamma, kg/s.
+    /// Drag coefficient gamma, kg/s, that of the added mass included.
     pub drag: Vec<f64>,
+    /// Added mass m_a, kg, whose part of the drag coefficient is m_a/dt; empty where grains have none.
+    pub added: Vec<f64>,
+    /// The part k of the forcing that the solution of the fluid does not change, N; empty where there is none.
+    pub known: Vec<Vector<D>>,
     /// Mobility a, s/kg.
     pub mobility: Vec<f64>,
     /// Constant part b of the velocity law, m/s.
@@ -25,7 +29,7 @@ pub struct GrainLoad<const D: usize> {
     pub heat: Option<HeatLoad>,
 }
 
-/// A law of velocity, v* = velocity + mobility (drag u - volume grad p).
+/// A law of velocity, v* = velocity + mobility (drag u - volume grad p + known).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Law<const D: usize> {
     /// Mobility a, s/kg.
@@ -68,9 +72,28 @@ impl HeatLoad {
 }
 
 impl<const D: usize> GrainLoad<D> {
-    /// The forcing of the fluid on grain `i`, N: f = gamma u - V grad p, its force on the grain at rest.
+    /// The known part k of the forcing on grain `i`, N.
+    pub(crate) fn known(&self, i: usize) -> Vector<D> {
+        self.known.get(i).copied().unwrap_or_else(Vector::zeros)
+    }
+
+    /// The forcing of the fluid on grain `i`, N: f = gamma u - V grad p + k, its force on the grain at rest.
     pub fn forcing(&self, at: &AtGrains<D>, i: usize) -> Vector<D> {
-        at.velocity[i] * self.drag[i] - at.pressure_gradient[i] * self.volume[i]
+        at.velocity[i] * self.drag[i] - at.pressure_gradient[i] * self.volume[i] + self.known(i)
+    }
+
+    /// Forces (N) and drag coefficients (kg/s) of a forcing without those of the added mass, for grains that have it as
+    /// inertia and that start a step of `dt` at these velocities; absent without added mass.
+    pub(crate) fn without_added(
+        &self,
+        forcing: &[Vector<D>],
+        velocity: &[Vector<D>],
+        dt: f64,
+    ) -> Option<(Vec<Vector<D>>, Vec<f64>)> {
+        let all = 0..self.added.len();
+        let force = |i: usize| forcing[i] - velocity[i] * (self.added[i] / dt);
+        let drag = |i: usize| (self.drag[i] - self.added[i] / dt).max(0.0);
+        (!self.added.is_empty()).then(|| (all.clone().map(force).collect(), all.map(drag).collect()))
     }
 
     /// The velocity v* of grain `i` by the affine law of momentum, m/s.
@@ -86,9 +109,9 @@ impl<const D: usize> GrainLoad<D> {
         }
     }
 
-    /// Force of the fluid on grain `i`, N: -V grad p + gamma (u - v*) with the affine law v*.
+    /// Force of the fluid on grain `i`, N: -V grad p + gamma (u - v*) + k with the affine law v*.
     pub fn force(&self, at: &AtGrains<D>, i: usize) -> Vector<D> {
         let slip = at.velocity[i] - self.expected(at, i);
-        slip * self.drag[i] - at.pressure_gradient[i] * self.volume[i]
+        slip * self.drag[i] - at.pressure_gradient[i] * self.volume[i] + self.known(i)
     }
 }

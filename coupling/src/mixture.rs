@@ -136,11 +136,12 @@ impl<const D: usize> Mixture<D> {
         wet.solid()
     }
 
-    /// Drag and heat-transfer coefficients with the fluid of the last accepted step.
+    /// Drag and heat-transfer coefficients, added mass and lift in a step of `dt`, with the fluid of the last accepted
+    /// step.
     ///
     /// # Errors
     /// The grains have not been cut.
-    pub fn evaluate_closures(&mut self, report: &mut StepReport) -> Result<()> {
+    pub fn evaluate_closures(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
         self.needs(Phase::Cut, "evaluate_closures", "cut_grains")?;
         let start = Instant::now();
         let particles = &self.grains.particles;
@@ -167,6 +168,8 @@ impl<const D: usize> Mixture<D> {
                 *coefficient = volume[i] * law;
             });
         }
+        self.add_unsteady(dt);
+        let particles = &self.grains.particles;
         let Interaction { wet, .. } = &mut self.interaction;
         if let (Some(droplet), Some(wet)) = (&self.fluid.droplet, wet) {
             let water = &droplet.material.water;
@@ -179,6 +182,37 @@ impl<const D: usize> Mixture<D> {
         report.phases.closure += start.elapsed().as_secs_f64();
         self.phase = Phase::Closed;
         Ok(())
+    }
+
+    /// The part of added mass and lift in the drag and the forcing of the grains, in a step of `dt`.
+    fn add_unsteady(&mut self, dt: f64) {
+        let Self { grains, fluid, interaction, .. } = self;
+        let Interaction { laws, load, voidage, felt, .. } = interaction;
+        let GrainLoad { pieces, volume, drag, added, known, .. } = load;
+        if laws.unsteady.is_none() {
+            (added.clear(), known.clear(), felt.clear());
+            return;
+        }
+        let particles = &grains.particles;
+        added.resize(particles.len(), 0.0);
+        known.resize(particles.len(), Vector::zeros());
+        let flow = (&fluid.on_mesh(), fluid.mesh_velocity());
+        let columns = (drag.par_iter_mut(), added.par_iter_mut(), known.par_iter_mut()).into_par_iter();
+        columns.enumerate().with_min_len(256).for_each(|(i, (drag, added, known))| {
+            let around = Surroundings {
+                slip: 0.0,
+                voidage: voidage[i],
+                diameter: 2.0 * particles.radius[i],
+                density: laws.density,
+                viscosity: laws.viscosity,
+            };
+            let grain = (volume[i], particles.velocity[i]);
+            (*added, *known) = laws.unsteady.of((pieces, i), flow, grain, &around, dt);
+            *drag += *added / dt;
+            if *drag == 0.0 {
+                *known = Vector::zeros();
+            }
+        });
     }
 
     /// Contacts of a grain stick where scalars of the fluid, as means over its pieces at the last accepted step, are
@@ -247,25 +281,44 @@ impl<const D: usize> Mixture<D> {
         moved(self.grains.step(dt, &load), start, report);
     }
 
+    /// What drag and added mass felt of the motion of each grain in the last [`Self::drive_grains`], m/s: without added
+    /// mass the mean velocity over the step. The force on a grain was its forcing less gamma times it.
+    pub fn felt(&self) -> &[Vector<D>] {
+        let felt = &self.interaction.felt;
+        if felt.is_empty() { self.grains.mean_velocity() } else { felt }
+    }
+
     /// The same under a forcing of the fluid with implicit drag and heat transfer: the force on a grain is
-    /// forcing.force - gamma v, and its heat forcing.heat - hA T, with the means over the step. Contacts are solved
-    /// with the mass m + gamma dt.
+    /// forcing.force - gamma v, and its heat forcing.heat - hA T, with v that it [felt](Self::felt) and the mean
+    /// temperature over the step. Contacts are solved with the mass m + gamma dt.
     ///
     /// # Errors
     /// The laws have not been evaluated.
     pub fn drive_grains(&mut self, dt: f64, forcing: &Forcing<D>, report: &mut StepReport) -> Result<()> {
         self.needs(Phase::Closed, "drive_grains", "evaluate_closures")?;
         let start = Instant::now();
-        let Interaction { load, cohesive, wet, .. } = &mut self.interaction;
+        let Interaction { load, cohesive, wet, felt, .. } = &mut self.interaction;
         let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
         let Forcing { force, heat } = forcing;
-        let load = match (&self.fluid.droplet, wet) {
+        let steady = load.without_added(force, &self.grains.particles.velocity, dt);
+        let (force, drag) = steady.as_ref().map_or((force, &load.drag), |(force, drag)| (force, drag));
+        let mut acting = match (&self.fluid.droplet, wet) {
             (Some(droplet), Some(wet)) => {
-                Load { cohesive, ..wet.add((force, heat), (&load.drag, transfer), &droplet.stream()) }
+                Load { cohesive, ..wet.add((force, heat), (drag, transfer), &droplet.stream()) }
             }
-            _ => Load { force, drag: &load.drag, heat, transfer, cohesive },
+            _ => Load { force, drag, heat, transfer, cohesive, ..Load::default() },
         };
-        moved(self.grains.step(dt, &load), start, report);
+        acting.added = &load.added;
+        moved(self.grains.step(dt, &acting), start, report);
+        if let Some((_, drag)) = &steady {
+            let (mean, end) = (self.grains.mean_velocity(), &self.grains.particles.velocity);
+            felt.clear();
+            felt.extend((0..mean.len()).map(|i| {
+                let inertia = load.added[i] / dt;
+                let whole = drag[i] + inertia;
+                if whole > 0.0 { (mean[i] * drag[i] + end[i] * inertia) / whole } else { mean[i] }
+            }));
+        }
         Ok(())
     }
 

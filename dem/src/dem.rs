@@ -278,9 +278,9 @@ impl<const D: usize> Dem<D> {
     /// the caller.
     pub fn step(&mut self, dt: f64, load: &Load<'_, D>) -> StepReport {
         let n = self.particles.len();
-        let columns =
-            [load.force.len(), load.drag.len(), load.heat.len(), load.transfer.len(), load.cohesive.len()];
-        for len in columns {
+        let Load { force, drag, added, heat, transfer, cohesive } = load;
+        let scalars = [drag, added, heat, transfer].map(|column| column.len());
+        for len in scalars.into_iter().chain([force.len(), cohesive.len()]) {
             assert!(len == 0 || len == n, "a column of the load has {len} entries for {n} grains");
         }
         assert!(dt > 0.0 && dt.is_finite(), "the step is {dt} s");

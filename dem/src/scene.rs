@@ -31,19 +31,28 @@ pub(crate) struct Touch {
 }
 
 impl<const D: usize> Scene<'_, D> {
-    /// 1 / (m + gamma h).
-    pub fn mobility(&self, i: usize) -> f64 {
-        1.0 / (self.particles.mass[i] + self.load.drag.get(i).copied().unwrap_or(0.0) * self.h)
+    /// m + m_a, with the added mass.
+    fn inertia(&self, i: usize) -> f64 {
+        self.particles.mass[i] + self.load.added.get(i).copied().unwrap_or(0.0)
     }
 
-    /// Velocity after forces, gravity and implicit drag, before contacts: (m v + h (F + m g)) / (m + gamma h).
+    /// 1 / (m + m_a + gamma h).
+    pub fn mobility(&self, i: usize) -> f64 {
+        1.0 / (self.inertia(i) + self.load.drag.get(i).copied().unwrap_or(0.0) * self.h)
+    }
+
+    /// Velocity after forces, gravity and implicit drag, before contacts:
+    /// ((m + m_a) v + h (F + m g)) / (m + m_a + gamma h).
     /// A held grain (infinite mass) keeps its velocity.
     pub fn free_velocity(&self, i: usize) -> Vector<D> {
         let p = &self.particles;
         if p.held(i) {
             return p.velocity[i];
         }
-        let momentum = (p.velocity[i] + self.settings.gravity * self.h) * p.mass[i];
+        let mut momentum = (p.velocity[i] + self.settings.gravity * self.h) * p.mass[i];
+        if let Some(added) = self.load.added.get(i) {
+            momentum += p.velocity[i] * *added;
+        }
         let force = self.load.force.get(i).copied().unwrap_or_else(Vector::zeros);
         (momentum + force * self.h) * self.mobility(i)
     }

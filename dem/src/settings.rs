@@ -180,6 +180,8 @@ pub struct Load<'a, const D: usize> {
     /// Implicit drag coefficient gamma, kg/s: -gamma v at the new velocity. Its impulse over the
     /// step is -gamma times the displacement, exactly, however many sub-steps were taken.
     pub drag: &'a [f64],
+    /// Added mass m_a, kg: inertia without weight, -m_a dv/dt.
+    pub added: &'a [f64],
     /// Heat given from outside, W.
     pub heat: &'a [f64],
     /// Implicit heat transfer A, W/K: -A T at the new temperature. Its heat over the step is -A times the
@@ -192,7 +194,7 @@ pub struct Load<'a, const D: usize> {
 impl<const D: usize> Default for Load<'_, D> {
     /// Nothing acts.
     fn default() -> Self {
-        Self { force: &[], drag: &[], heat: &[], transfer: &[], cohesive: &[] }
+        Self { force: &[], drag: &[], added: &[], heat: &[], transfer: &[], cohesive: &[] }
     }
 }
 

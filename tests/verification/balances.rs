@@ -175,7 +175,7 @@ fn a_force_that_the_fluid_did_not_lose_is_a_momentum_exchange_defect() {
         fn step(&mut self, mixture: &mut Mixture<2>, dt: f64) -> Result<StepReport> {
             let mut report = StepReport::default();
             mixture.cut_grains(&mut report)?;
-            mixture.evaluate_closures(&mut report)?;
+            mixture.evaluate_closures(dt, &mut report)?;
             mixture.solve_fluid(dt, &mut report)?;
             mixture.interaction.force.iter_mut().for_each(|force| *force *= self.0);
             mixture.interaction.heat.iter_mut().for_each(|heat| *heat *= self.0);

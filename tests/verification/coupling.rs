@@ -3,7 +3,9 @@
 use approx::assert_relative_eq;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::load::Law;
+use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::{Scheme, SchemeName};
+use voidage_coupling::unsteady::Unsteady;
 use voidage_coupling::{Coupled, HEAT, Mixture, Result, StepReport, TEMPERATURE};
 use voidage_dem::{Conduction, Material, Settings};
 use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
@@ -298,7 +300,7 @@ impl Scheme<2> for HeldAnchored {
     fn step(&mut self, mixture: &mut Mixture<2>, dt: f64) -> Result<StepReport> {
         let mut report = StepReport::default();
         mixture.cut_grains(&mut report)?;
-        mixture.evaluate_closures(&mut report)?;
+        mixture.evaluate_closures(dt, &mut report)?;
         let both = &mut mixture.interaction;
         let load = &mut both.load;
         let count = load.drag.len();
@@ -345,4 +347,66 @@ fn the_pressure_drop_does_not_depend_on_the_mobility_of_the_solid_flux() {
     let (held, anchored) = (drop(0.0), drop(0.1));
     // 1.4e-2 where pieces give way; 1.6e-4 because that is not taken from them in full where there is little room.
     assert_relative_eq!(held, anchored, max_relative = 1e-3);
+}
+
+/// The slip box with added mass, Q = C rho_f phi (1/(eps rho_f) + 1/(phi rho_p)): the slip decays by (1 + Q)/(1 + Q + A
+/// + B), with a fluid that is lighter than the grains and with one that is heavier.
+#[test]
+fn added_mass_slows_the_decay_of_slip_by_the_exact_factor() {
+    let schemes = SchemeName::ALL.into_iter().filter(|scheme| *scheme != SchemeName::Explicit);
+    for (scheme, coefficient) in schemes.flat_map(|scheme| [0.5, 4.0].map(|c| (scheme, c))) {
+        for share in [1e-3, 0.1, 1.0, 10.0] {
+            let mut slip_box = SlipBox::new(scheme).expect("a box");
+            let dt = share / slip_box.grain_rate;
+            let (a, b) = (slip_box.fluid_rate * dt, slip_box.grain_rate * dt);
+            let (rho_f, rho_p, phi) = (3.0, 7.0, 0.4);
+            let q = coefficient * rho_f * phi * (1.0 / ((1.0 - phi) * rho_f) + 1.0 / (phi * rho_p));
+            let unsteady = Unsteady { added_mass: coefficient, lift: None };
+            slip_box.system.interaction_mut().expect("both").laws.unsteady = unsteady;
+            for _ in 0..3 {
+                let before = slip_box.slip().expect("fields");
+                let report = slip_box.system.step(dt).expect("a step");
+                let factor = slip_box.slip().expect("fields") / before;
+                assert_relative_eq!(factor, (1.0 + q) / (1.0 + q + a + b), epsilon = 1e-6);
+                assert!(report.momentum_exchange_defect < Some(1e-12), "{scheme}");
+            }
+        }
+    }
+}
+
+/// A sphere that is let go in a liquid accelerates at first with (rho_p - rho_f) g/(rho_p + rho_f/2).
+#[test]
+fn a_light_sphere_starts_to_rise_with_its_added_mass() {
+    for (solid, added_mass) in [(100.0, 0.0), (100.0, 0.5), (1.0, 0.5), (2500.0, 0.5)] {
+        let mut system = lone_grain(2.5e-3, solid, 1000.0, 1e-3);
+        system.interaction_mut().expect("both").laws.unsteady = Unsteady { added_mass, lift: None };
+        let dt = 1e-7;
+        system.step(dt).expect("a step");
+        let exact = (1000.0 - solid) * GRAVITY / (solid + added_mass * 1000.0);
+        let velocity = system.grains().expect("grains").particles.velocity[0];
+        assert_relative_eq!(velocity.y / dt, exact, max_relative = 1e-4);
+    }
+}
+
+/// A fast sphere moves in sub-steps; what it gets is what it has of momentum, the added mass apart.
+#[test]
+fn added_mass_is_inertia_in_every_sub_step() {
+    let system = lone_grain(2.5e-3, 500.0, 1000.0, 1e-3).system;
+    let mut system = Coupled::new(system, SchemeName::Iterated.build(&Iteration::default(), None));
+    let mixture = system.mixture_mut().expect("both");
+    mixture.interaction.laws.unsteady = Unsteady { added_mass: 0.5, lift: None };
+    mixture.grains.particles.velocity[0].y = -1.0;
+    let (dt, mut most) = (1e-2, 0);
+    for _ in 0..3 {
+        let before = system.grains().expect("grains").particles.velocity[0];
+        let report = system.step(dt).expect("a step");
+        most = most.max(report.grains.map_or(0, |grains| grains.substeps));
+        assert!(report.momentum_exchange_defect < Some(1e-12));
+        let (particles, force) =
+            (&system.grains().expect("grains").particles, system.interaction().expect("both").force[0]);
+        let mass = particles.mass[0];
+        let change = (particles.velocity[0] - before) * (mass / dt) + Vec2::new(0.0, GRAVITY * mass);
+        assert_relative_eq!(change, force, max_relative = 1e-10);
+    }
+    assert!(most > 1, "one sub-step: the test tests nothing");
 }

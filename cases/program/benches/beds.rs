@@ -9,7 +9,7 @@
 mod table;
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 use table::{Table, entry, numbers, option};
 use voidage_campaign::plot::panels::{Curve, Panel, grid};
@@ -26,6 +26,8 @@ const REST: usize = 20;
 /// The bed has settled when no grain has moved in so many steps in a row; so many steps at most.
 const STILL: usize = 10;
 const SETTLING: usize = 1000;
+/// Progress is told every so many steps of a phase.
+const TOLD: usize = 10;
 /// The disc that is dropped: its diameter in those of the bed, and its speed, m/s.
 const HEAVY: f64 = 50.0;
 const SPEED: f64 = 0.17;
@@ -66,13 +68,16 @@ impl Phase {
         let mut phase = Self::default();
         let disc = dem.particles.len() - 1;
         let place = dem.particles.position[disc];
-        let mut still = 0;
+        let (begun, mut still) = (Instant::now(), 0);
         while phase.seconds.len() < steps && !(settle && still == STILL) {
             let start = Instant::now();
             phase.sweeps += dem.step(STEP, &Load::default()).sweeps;
             phase.seconds.push(start.elapsed().as_secs_f64());
             let rests = dem.particles.velocity[..disc].iter().all(|v| *v == at(0.0, 0.0));
             still = if rests { still + 1 } else { 0 };
+            if phase.seconds.len() % TOLD == 0 {
+                eprintln!("{disc} discs: {} steps, {:.0} s", phase.seconds.len(), begun.elapsed().as_secs_f64());
+            }
             if parked {
                 (dem.particles.position[disc], dem.particles.velocity[disc]) = (place, at(0.0, 0.0));
             }
@@ -153,9 +158,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
             let mut run = Command::new(std::env::current_exe()?);
             run.args(["--bed", &size, "--impact", &impact.to_string()]).env("RAYON_NUM_THREADS", threads);
-            let told = run.output()?;
+            let told = run.stderr(Stdio::inherit()).output()?;
             if !told.status.success() {
-                return Err(format!("{size} grains: {}", String::from_utf8_lossy(&told.stderr)).into());
+                return Err(format!("{size} grains: {}", told.status).into());
             }
             for line in String::from_utf8(told.stdout)?.lines() {
                 let row: Vec<String> = line.split(',').map(String::from).collect();

@@ -5,6 +5,7 @@ use voidage_coupling::backend::{FluidStep, Model, RustFluid};
 use voidage_coupling::closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::unsteady::Unsteady;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Mixture, Result, System};
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
@@ -177,6 +178,7 @@ impl FluidSet {
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::None,
             heat: HeatTransfer::RanzMarshall,
+            unsteady: Unsteady::default(),
             density: self.properties.density,
             viscosity: self.properties.viscosity,
             thermal,

@@ -118,7 +118,7 @@ impl System {
 
     /// Fills `load["drag"]` and `load["heat_coefficient"]` by the laws of the scene, and the voidage at the grains.
     fn evaluate_closures(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |held| held.mixture.evaluate_closures(&mut held.report))
+        self.with(py, |held| held.mixture.evaluate_closures(held.dt, &mut held.report))
     }
 
     /// Solves the fluid from its last accepted state: fills `at_grains`, `grains["force"]` and `grains["heat"]`.
@@ -136,7 +136,7 @@ impl System {
 
     /// Moves the grains by a step under `force` (g, D), N, and `heat` (g), W, from which the drag and the heat transfer
     /// of the grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts
-    /// included. Returns the mean velocity over the step, (g, D), and the mean temperature, (g), if there is heat;
+    /// included. Returns the mean velocity over the step, (g, D), with added mass what drag and added mass felt of it, and the mean temperature, (g), if there is heat;
     /// `grains["force"]` and `grains["heat"]` are then what is left of the forcing.
     #[pyo3(signature = (force, heat=None))]
     fn drive_grains<'py>(
@@ -159,17 +159,19 @@ impl System {
         let forcing = Forcing { force, heat };
         let (velocity, temperature) = self.with(py, |held| {
             held.mixture.drive_grains(held.dt, &forcing, &mut held.report)?;
-            let Mixture { grains, interaction, .. } = &mut held.mixture;
-            for (i, velocity) in grains.mean_velocity().iter().enumerate() {
-                interaction.force[i] = forcing.force[i] - velocity * interaction.load.drag[i];
+            for i in 0..forcing.force.len() {
+                let felt = held.mixture.felt()[i];
+                let interaction = &mut held.mixture.interaction;
+                interaction.force[i] = forcing.force[i] - felt * interaction.load.drag[i];
             }
+            let Mixture { grains, interaction, .. } = &mut held.mixture;
             if let Some(law) = &interaction.load.heat {
                 for (i, temperature) in grains.mean_temperature().iter().enumerate() {
                     interaction.heat[i] = forcing.heat[i] - temperature * law.coefficient[i];
                 }
             }
             let temperature = warm.then(|| Column::from(grains.mean_temperature()));
-            Ok((Column::from(grains.mean_velocity()), temperature))
+            Ok((Column::from(held.mixture.felt()), temperature))
         })?;
         let temperature = temperature.map(|column| column.into_array(py)).transpose()?;
         Ok((velocity.into_array(py)?, temperature))

@@ -11,6 +11,7 @@ use voidage_coupling::error::{Error, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::motion::{Follow, MeshMover, Oscillation};
 use voidage_coupling::remesh::Remesher;
+use voidage_coupling::unsteady::Unsteady;
 use voidage_coupling::{Clock, Coupled, Fluid, Interaction, Laws, Mixture, System, TEMPERATURE};
 use voidage_dem::packing::Radii;
 use voidage_dem::{
@@ -124,6 +125,7 @@ fn laws(coupling: &scene::Coupling, grains: &Dem<2>, described: &scene::Fluid) -
         drag: coupling.drag,
         voidage_function: coupling.voidage_function,
         heat: coupling.heat.unwrap_or_default(),
+        unsteady: Unsteady { added_mass: coupling.added_mass, lift: coupling.lift },
         density: described.density,
         viscosity: described.viscosity,
         thermal: heat.map(|heat| ThermalFluid {

@@ -37,6 +37,8 @@ pub(crate) const LAWS: &[&str] = &[
     "coupling.drag",
     "coupling.voidage_function",
     "coupling.heat",
+    "coupling.added_mass",
+    "coupling.lift",
     "fluid.boundaries.*.flow",
     "fluid.boundaries.*.schedule",
     "fluid.boundaries.*.heat",

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use voidage_coupling::closure::{Drag, HeatTransfer, VoidageFunction};
+use voidage_coupling::closure::{Drag, HeatTransfer, Lift, VoidageFunction};
 use voidage_coupling::remesh::Remesh;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::cut::Cutting;
@@ -311,6 +311,13 @@ pub struct Coupling {
     /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatTransfer>,
+    /// Added mass of a grain over the mass of the fluid that it displaces: 0.5 for spheres, 1 for long cylinders. It
+    /// matters where the fluid is not much lighter than the grains. Not for the scheme `"explicit"`, which knows no
+    /// acceleration of the grains. Default 0.
+    pub added_mass: f64,
+    /// Law of lift of grains in a fluid that shears: `"saffman-mei"`. Default: no lift.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lift: Option<Lift>,
     /// Values of scalars of the fluid, by name, below which contacts are cohesive (`contacts.cohesion`):
     /// `{vapour = 0.9}`. The value is the mean over a grain at the start of the step, and it must be below the bound
     /// for both grains of a contact. Default: none, cohesion acts everywhere.
@@ -327,6 +334,8 @@ impl Default for Coupling {
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,
             heat: None,
+            added_mass: 0.0,
+            lift: None,
             cohesion_below: BTreeMap::new(),
         }
     }

@@ -1,4 +1,4 @@
-//! Closures by name: drag and heat transfer between a grain and the fluid around it, one file a law.
+//! Closures by name: drag, lift and heat transfer between a grain and the fluid around it, one file a law.
 //!
 //! All laws are written per solid volume V, so that they serve discs and spheres alike: gamma / V from the
 //! ratio (A/V) of a sphere, hA / V from its (S/V) (Henry et al., Eqs. 8-13).
@@ -14,6 +14,7 @@ mod koch_hill;
 mod migflow;
 mod ranz_marshall;
 mod rong;
+mod saffman;
 mod tang;
 mod wakao;
 mod wen_yu;
@@ -153,6 +154,23 @@ impl Drag {
     /// Drag on a grain over Stokes' of a sphere in the superficial velocity, 3 pi eta d eps |u - v|.
     pub fn normalised(self, around: &Surroundings, g: VoidageFunction) -> f64 {
         self.coefficient(around, g) / around.normalised(1.0)
+    }
+}
+
+/// Law of lift.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Lift {
+    /// Saffman (1965) in shear, with Mei's correction (1992) for finite Reynolds numbers.
+    SaffmanMei,
+}
+
+impl Lift {
+    /// Lift per volume over |(u - v) x curl|, kg/m3, where the fluid turns with `vorticity` = |curl u|, 1/s.
+    pub fn coefficient(self, around: &Surroundings, vorticity: f64) -> f64 {
+        match self {
+            Self::SaffmanMei => saffman::lift(around, vorticity),
+        }
     }
 }
 

@@ -159,3 +159,23 @@ fn drag_grows_with_speed_and_with_crowding() {
         }
     }
 }
+
+#[test]
+fn lift_is_saffmans_in_creeping_flow_and_falls_off_as_mei_says() {
+    // Saffman (1965, 1968): 6.46 eta |u - v| a^2 sqrt(K/nu) in a shear of K.
+    let creeping = around(1e-4, 1.0);
+    let (eta, nu, a, shear) = (2e-5, 2e-5 / 1.2, 5e-4, 0.04);
+    let volume = std::f64::consts::PI * 1e-9 / 6.0;
+    let force = |x: &Surroundings, shear: f64| {
+        Lift::SaffmanMei.coefficient(x, shear) * volume * x.slip * shear
+    };
+    let saffman = |x: &Surroundings, shear: f64| 6.46 * eta * x.slip * a * a * (shear / nu).sqrt();
+    assert_relative_eq!(force(&creeping, shear), saffman(&creeping, shear), max_relative = 1e-3);
+    // Re = 30 and 300 at (d/2) K / |u - v| = 0.1: (1 - 0.1048) exp(-3) + 0.1048, and 0.0524 sqrt(0.1 300).
+    for (slip, ratio) in [(0.5, 0.149369), (5.0, 0.287007)] {
+        let (x, shear) = (around(slip, 1.0), 0.1 * slip / a);
+        assert_relative_eq!(force(&x, shear) / saffman(&x, shear), ratio, max_relative = 1e-4);
+    }
+    assert_eq!(Lift::SaffmanMei.coefficient(&around(0.0, 1.0), 0.0), 0.0);
+    assert!(Lift::SaffmanMei.coefficient(&around(0.0, 1.0), 1.0).is_finite());
+}

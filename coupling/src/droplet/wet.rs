@@ -401,7 +401,7 @@ impl<const D: usize> Wet<D> {
             }
         }
         let Self { force, drag, heat, transfer, .. } = self;
-        Load { force, drag, heat, transfer, cohesive: &[] }
+        Load { force, drag, heat, transfer, ..Load::default() }
     }
 
     /// How much faster heat would come in with the grains that the surface passes if the droplet were faster, W per

@@ -179,6 +179,8 @@ impl Anchor {
         grains.bonds(&mut self.bonds);
         let Part { dt, whole } = part;
         let (particles, response) = (&grains.particles, grains.mean_velocity());
+        // The law of momentum is about what drag and added mass feel.
+        let felt = std::mem::take(&mut interaction.felt);
         let load = &mut interaction.load;
         let none = || Carried::none(particles.len(), load.heat.is_some());
         let carried = interaction.carried.get_or_insert_with(none);
@@ -190,19 +192,23 @@ impl Anchor {
             let drag = load.drag[i];
             // The water of a droplet holds the grain too, and does not depend on the forcing of the gas.
             let whole_drag = drag + wet.map_or(0.0, |wet| wet.drag(i));
-            let free =
-                if particles.held(i) { 0.0 } else { slope(particles.mass[i], whole_drag, dt, substeps) };
+            let added = load.added.get(i).copied().unwrap_or(0.0);
+            let free = match particles.held(i) {
+                true => 0.0,
+                false => slope(particles.mass[i] + added, whole_drag - added / dt, dt, substeps),
+            };
             let agreed = carried.impulse[i].norm() <= CALM * free * drag * forcing.force[i].norm() * dt;
             let [momentum, mass] =
                 shares::<D>(self.bonds.of(i), cautious || !agreed).map(|share| share * free);
-            let around = |mobility: f64| (mobility, response[i] - forcing.force[i] * mobility);
-            (flux.mobility[i], flux.velocity[i]) = around(mass);
-            (load.mobility[i], load.velocity[i]) = around(momentum);
+            let around = |response: Vector<D>, mobility: f64| (mobility, response - forcing.force[i] * mobility);
+            (flux.mobility[i], flux.velocity[i]) = around(response[i], mass);
+            (load.mobility[i], load.velocity[i]) = around(*felt.get(i).unwrap_or(&response[i]), momentum);
             load.velocity[i] -= velocity_offset(carried.impulse[i] * returned, drag * whole);
             let inertia = interaction.laws.density * load.volume[i] / dt;
             let confined = confinement(free, drag, inertia, interaction.voidage[i]);
             flux.velocity[i] -= carried.displacement[i] * (RETURNED / (1.0 + confined) / whole);
         }
+        interaction.felt = felt;
         self.fill_heat(grains, interaction, forcing, (part, substeps), returned);
         let Interaction { wet, load, .. } = interaction;
         if let Some(wet) = wet {

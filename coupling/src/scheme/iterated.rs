@@ -80,7 +80,7 @@ impl<const D: usize> Trial<D> for Iterated<D> {
     fn solve(&mut self, mixture: &mut Mixture<D>, part: Part, report: &mut StepReport) -> Result<Agreement> {
         let dt = part.dt;
         mixture.cut_grains(report)?;
-        mixture.evaluate_closures(report)?;
+        mixture.evaluate_closures(dt, report)?;
         mixture.grains.save();
         self.forcing.read(mixture);
         rehearse(mixture, dt, &self.forcing, report)?;
@@ -115,14 +115,16 @@ impl<const D: usize> Trial<D> for Iterated<D> {
 
     /// Books what the grains got, and carries what the fluid did not lose for it and where it had them else.
     fn settle(&mut self, mixture: &mut Mixture<D>, Part { dt, .. }: Part, agreement: Agreement) -> Agreement {
-        let Mixture { grains, interaction, .. } = mixture;
-        let Some(mut carried) = interaction.carried.take() else { return agreement };
-        let (forcing, moved) = (&self.answer, grains.mean_velocity());
-        for i in 0..moved.len() {
-            carried.impulse[i] += interaction.missed(moved[i], i) * dt;
-            carried.displacement[i] += interaction.missed_in_flux(moved[i], i) * dt;
-            interaction.force[i] = forcing.force[i] - moved[i] * interaction.load.drag[i];
+        let Some(mut carried) = mixture.interaction.carried.take() else { return agreement };
+        let forcing = &self.answer;
+        for i in 0..mixture.felt().len() {
+            let (felt, moved) = (mixture.felt()[i], mixture.grains.mean_velocity()[i]);
+            let interaction = &mut mixture.interaction;
+            carried.impulse[i] += interaction.missed(felt, i) * dt;
+            carried.displacement[i] += interaction.missed_in_flux(moved, i) * dt;
+            interaction.force[i] = forcing.force[i] - felt * interaction.load.drag[i];
         }
+        let Mixture { grains, interaction, .. } = mixture;
         if let Some(law) = &interaction.load.heat {
             let warmed = grains.mean_temperature();
             for i in 0..warmed.len() {
@@ -158,10 +160,10 @@ fn agreement<const D: usize>(mixture: &Mixture<D>, Part { dt, whole }: Part) -> 
     let (load, at) = (&interaction.load, &interaction.at);
     let comparison =
         Comparison { grains, load, density: interaction.laws.density, dt, force: &interaction.force };
-    let (moved, carried) = (grains.mean_velocity(), interaction.carried.as_ref());
+    let (felt, moved, carried) = (mixture.felt(), grains.mean_velocity(), interaction.carried.as_ref());
     let late = |i: usize| carried.map_or_else(Vector::zeros, |carried| carried.impulse[i] / whole);
     let mut agreement = comparison
-        .motion(|i| (late(i) + interaction.missed(moved[i], i), interaction.missed_in_flux(moved[i], i)));
+        .motion(|i| (late(i) + interaction.missed(felt[i], i), interaction.missed_in_flux(moved[i], i)));
     if let (Some(law), Some(heat)) = (&load.heat, &grains.particles.heat) {
         let all = at.temperature.iter().chain(&heat.temperature);
         let bounds = all.fold((f64::MAX, f64::MIN), |(low, high), t| (low.min(*t), high.max(*t)));

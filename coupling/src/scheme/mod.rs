@@ -106,7 +106,7 @@ fn once<const D: usize>(
     predict: impl FnOnce(&Dem<D>, &mut Interaction<D>, Option<Stream<D>>),
 ) -> Result<Agreement> {
     mixture.cut_grains(report)?;
-    mixture.evaluate_closures(report)?;
+    mixture.evaluate_closures(dt, report)?;
     // A scheme before this one may have left a law of its own for the solid flux.
     mixture.interaction.load.continuity = None;
     let stream = mixture.fluid.droplet.as_ref().map(|droplet| droplet.stream());

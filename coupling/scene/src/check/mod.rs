@@ -8,6 +8,7 @@ mod walls;
 
 use super::{Coordinates, Scene, SceneError};
 use voidage_coupling::TEMPERATURE;
+use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::relaxation::Relaxation;
 
@@ -99,6 +100,11 @@ pub(super) fn values(scene: &Scene) -> Checked {
     }
     if let Some(coupling) = &scene.coupling {
         iteration(scene, &coupling.iteration)?;
+        not_negative(scene, "coupling.added_mass", coupling.added_mass)?;
+        if coupling.added_mass > 0.0 && coupling.scheme == SchemeName::Explicit {
+            let message = "`coupling.added_mass` is there, and the scheme \"explicit\" knows no acceleration of the grains";
+            return fail(scene, "coupling.added_mass", message, "take another scheme, or `added_mass` away");
+        }
         if let Some(cut) = coupling.cut {
             positive(scene, "coupling.cut.travel", cut.travel)?;
             positive(scene, "coupling.cut.absorption", cut.absorption)?;
