@@ -110,8 +110,8 @@ mod tests {
     use super::*;
     use crate::overlap::Overlap;
     use approx::assert_relative_eq;
-    use voidage_fluid::flow::State;
     use voidage_fluid::Mesh;
+    use voidage_fluid::flow::State;
     use voidage_fluid::mesh::{Rectangle, Sides};
 
     type Vec2 = Vector<2>;

@@ -643,8 +643,8 @@ fn what_does_not_fit_periodic_sides_is_named() {
         ("walls.floor.motion={rotate={centre=[0.0,0.0],rate=1.0}}", &["walls[0]", "turns"]),
         ("walls.lid.to=[0.0,0.0]", &["walls[1]", "stands on a periodic side"]),
         (
-            "grains[0].placement={deposit={lower=[0.0,0.0],upper=[0.016,0.008]}}",
-            &["grains[0].placement.deposit", "poured between walls"],
+            "grains[0].placement={deposit={lower=[0.0,0.0],upper=[0.015,0.008]}}",
+            &["grains[0].placement.deposit", "from x = 0 to 0.015", "[0.0, 0.016]"],
         ),
         (
             "fluid.mesh_motion={amplitude=[0.0,1e-4],frequency=1.0}",

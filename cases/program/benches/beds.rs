@@ -76,7 +76,11 @@ impl Phase {
             let rests = dem.particles.velocity[..disc].iter().all(|v| *v == at(0.0, 0.0));
             still = if rests { still + 1 } else { 0 };
             if phase.seconds.len() % TOLD == 0 {
-                eprintln!("{disc} discs: {} steps, {:.0} s", phase.seconds.len(), begun.elapsed().as_secs_f64());
+                eprintln!(
+                    "{disc} discs: {} steps, {:.0} s",
+                    phase.seconds.len(),
+                    begun.elapsed().as_secs_f64()
+                );
             }
             if parked {
                 (dem.particles.position[disc], dem.particles.velocity[disc]) = (place, at(0.0, 0.0));

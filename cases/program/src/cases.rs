@@ -6,7 +6,7 @@ use voidage_scene::Scene;
 
 /// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads
 /// another file, so that it runs in any folder.
-pub const CASES: [(&str, &str); 24] = [
+pub const CASES: [(&str, &str); 26] = [
     ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
     ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),
     ("bubbling-bed-quick", include_str!("../../bubbling-bed/scene-quick.toml")),
@@ -22,10 +22,12 @@ pub const CASES: [(&str, &str); 24] = [
     ("force-chains", include_str!("../../force-chains/scene.toml")),
     ("heap", include_str!("../../heap/scene.toml")),
     ("hopper", include_str!("../../hopper/scene.toml")),
+    ("lift", include_str!("../../lift/scene.toml")),
     ("mixed-bed", include_str!("../../mixed-bed/scene.toml")),
     ("packed-bed", include_str!("../../packed-bed/scene.toml")),
     ("piston", include_str!("../../piston/scene.toml")),
     ("settling-grain", include_str!("../../settling-grain/scene.toml")),
+    ("settling-grain-light", include_str!("../../settling-grain/scene-light.toml")),
     ("settling-grain-still", include_str!("../../settling-grain/scene-still.toml")),
     ("sheared-suspension", include_str!("../../sheared-suspension/scene.toml")),
     ("stirred-bed", include_str!("../../stirred-bed/scene.toml")),

@@ -279,7 +279,8 @@ pub struct Sink {
 }
 
 /// A box into which grains are poured from above. Its floor and sides hold them, and so do the walls inside it, at
-/// their places at time 0.
+/// their places at time 0. Between periodic sides, from the one to the other, it has no sides, and grains settle across
+/// them.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deposit {

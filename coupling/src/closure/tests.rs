@@ -166,9 +166,8 @@ fn lift_is_saffmans_in_creeping_flow_and_falls_off_as_mei_says() {
     let creeping = around(1e-4, 1.0);
     let (eta, nu, a, shear) = (2e-5, 2e-5 / 1.2, 5e-4, 0.04);
     let volume = std::f64::consts::PI * 1e-9 / 6.0;
-    let force = |x: &Surroundings, shear: f64| {
-        Lift::SaffmanMei.coefficient(x, shear) * volume * x.slip * shear
-    };
+    let force =
+        |x: &Surroundings, shear: f64| Lift::SaffmanMei.coefficient(x, shear) * volume * x.slip * shear;
     let saffman = |x: &Surroundings, shear: f64| 6.46 * eta * x.slip * a * a * (shear / nu).sqrt();
     assert_relative_eq!(force(&creeping, shear), saffman(&creeping, shear), max_relative = 1e-3);
     // Re = 30 and 300 at (d/2) K / |u - v| = 0.1: (1 - 0.1048) exp(-3) + 0.1048, and 0.0524 sqrt(0.1 300).

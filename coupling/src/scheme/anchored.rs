@@ -200,7 +200,8 @@ impl Anchor {
             let agreed = carried.impulse[i].norm() <= CALM * free * drag * forcing.force[i].norm() * dt;
             let [momentum, mass] =
                 shares::<D>(self.bonds.of(i), cautious || !agreed).map(|share| share * free);
-            let around = |response: Vector<D>, mobility: f64| (mobility, response - forcing.force[i] * mobility);
+            let around =
+                |response: Vector<D>, mobility: f64| (mobility, response - forcing.force[i] * mobility);
             (flux.mobility[i], flux.velocity[i]) = around(response[i], mass);
             (load.mobility[i], load.velocity[i]) = around(*felt.get(i).unwrap_or(&response[i]), momentum);
             load.velocity[i] -= velocity_offset(carried.impulse[i] * returned, drag * whole);

@@ -9,7 +9,8 @@ use crate::{
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// How to deposit grains on the floor of a region, between its sides and on walls.
+/// How to deposit grains on the floor of a region, between its sides and on walls. Where the sides left and right are
+/// periodic, grains are built up between them and settle across them; the region then is as wide as the period.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deposit {
     /// How the bed is built before it settles.
@@ -101,7 +102,7 @@ pub fn deposit(
     }
     settled.time = dem.time();
     settled.forces = forces(&dem, dem.walls().len() - how.walls.len());
-    settled.solid_fraction = solid_fraction(&dem.particles, dem.walls());
+    settled.solid_fraction = solid_fraction(&dem.particles, dem.walls(), &how.settings.period);
     settled.particles = dem.particles;
     settled.particles.velocity.fill(Vector::zeros());
     settled.particles.rotation = None;
@@ -162,7 +163,12 @@ fn solver(region: &Region<2>, particles: Particles<2>, fill: &Fill<'_>, how: &De
         .map(|m| Material { restitution: 0.0, friction: how.friction.unwrap_or(m.friction), ..m.clone() })
         .collect();
     let Material { friction, rolling, .. } = materials[fill.material as usize];
-    let sides = container(region, &how.walls);
+    let periodic = |side: &Wall<2>| {
+        let [x, _] = how.settings.period.sides();
+        x.is_some_and(|sides| sides.iter().any(|x| side.points.iter().all(|end| end[0] == *x)))
+    };
+    let mut sides = container(region, &how.walls);
+    sides.retain(|side| !periodic(side));
     let first = sides.len() as u32;
     let sides = sides.into_iter().map(|side| Wall { friction, rolling, ..side });
     let walls = sides.chain(how.walls.iter().map(|wall| Wall {

@@ -1,15 +1,16 @@
 //! The solid fraction of a bed.
 
 use super::lying::Segment;
-use crate::{Particles, Wall, ball};
+use crate::{Particles, Period, Wall, ball};
 
 /// Share of the solid, from the bottom, in which the fraction is measured: the surface lies above.
 const INNER: f64 = 0.9;
 
 /// Share of a bed that discs cover, solid or not inside: away from the surface, in level strips a mean diameter high,
 /// up to the height below which nine tenths of the discs' area lie. A strip reaches from its first to its last disc,
-/// and on to walls (as they stand at time 0) less than a mean diameter beyond. Zero without grains.
-pub fn solid_fraction(grains: &Particles<2>, walls: &[Wall<2>]) -> f64 {
+/// and on to walls (as they stand at time 0) less than a mean diameter beyond; with periodic sides left and right it
+/// reaches around. Zero without grains.
+pub fn solid_fraction(grains: &Particles<2>, walls: &[Wall<2>], period: &Period<2>) -> f64 {
     if grains.is_empty() {
         return 0.0;
     }
@@ -39,6 +40,9 @@ pub fn solid_fraction(grains: &Particles<2>, walls: &[Wall<2>]) -> f64 {
     let strips = ends.iter().enumerate().filter(|(_, [left, right])| left < right);
     let area: f64 = strips
         .map(|(k, &[left, right])| {
+            if let [Some([first, last]), _] = period.sides() {
+                return (last - first) * height;
+            }
             let crossings =
                 segments.iter().filter_map(|wall| crossing(wall, bottom + (k as f64 + 0.5) * height));
             let (mut first, mut last) = (left - diameter, right + diameter);
@@ -102,9 +106,17 @@ mod tests {
         let bed = lattice(&region, Lattice::Square, 1.0, &fill).unwrap();
         let walls = container(&region, &[]);
         let quarter = std::f64::consts::FRAC_PI_4;
-        approx::assert_relative_eq!(solid_fraction(&bed, &walls), quarter, max_relative = 3e-3);
+        approx::assert_relative_eq!(
+            solid_fraction(&bed, &walls, &Period::default()),
+            quarter,
+            max_relative = 3e-3
+        );
         let bed = lattice(&region, Lattice::Triangular, 1.0, &fill).unwrap();
         let densest = std::f64::consts::PI / 12f64.sqrt();
-        approx::assert_relative_eq!(solid_fraction(&bed, &walls), densest, max_relative = 1e-2);
+        approx::assert_relative_eq!(
+            solid_fraction(&bed, &walls, &Period::default()),
+            densest,
+            max_relative = 1e-2
+        );
     }
 }

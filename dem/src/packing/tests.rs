@@ -1,6 +1,6 @@
 use super::lying::Segment;
 use super::*;
-use crate::{Dem, Load, Particles, Partner, Settings, ball};
+use crate::{Dem, Load, Particles, Partner, Period, Settings, ball};
 use rand::{Rng, SeedableRng};
 
 type Point = Vector<2>;
@@ -78,7 +78,7 @@ fn built_beds_do_not_overlap_and_every_grain_is_held() {
             let bed = pour(&unit(), &[], &fill(&glass, radii.clone(), Amount::Fill), method, &mut unobserved)
                 .unwrap();
             check_bed(&bed, &[], &unit());
-            let fraction = solid_fraction(&bed, &container(&unit(), &[]));
+            let fraction = solid_fraction(&bed, &container(&unit(), &[]), &Period::default());
             assert!((0.75..0.9).contains(&fraction), "{radii:?}, {method:?}: {fraction}");
         }
     }
@@ -299,4 +299,34 @@ fn a_settled_bed_starts_warm() {
     };
     let (warm, cold) = (sweeps(true), sweeps(false));
     assert!(2 * warm < cold, "{warm} sweeps, {cold} from nothing");
+}
+
+#[test]
+fn a_bed_between_periodic_sides_settles_across_them() {
+    let glass = [Material { friction: 0.3, ..Material::default() }];
+    let fill = fill(&glass, Radii::Uniform { min: 0.02, max: 0.03 }, Amount::Count(200));
+    let period = Period::new([Some([0.0, 1.0]), None]).unwrap();
+    let settings = Settings { period, ..Deposit::default().settings };
+    let how = Deposit { settings: settings.clone(), ..Deposit::default() };
+    let region = Region { low: Point::zeros(), high: Point::new(1.0, 2.0) };
+    let bed = deposit(&region, &fill, &how, &mut unobserved).unwrap();
+    assert!(bed.at_rest, "{} m/s after {} steps", bed.speed, bed.steps);
+    assert!((0.75..0.9).contains(&bed.solid_fraction), "{}", bed.solid_fraction);
+    let grains = &bed.particles;
+    // As much weight rests on contacts across the seam as on others.
+    let across = |force: &&crate::ContactForce<2>| match force.partner {
+        Partner::Grain(other) => {
+            (grains.position[force.grain as usize] - grains.position[other as usize]).x.abs() > 0.5
+        }
+        Partner::Wall(_) => false,
+    };
+    assert!(bed.forces.iter().filter(across).count() >= 4, "nothing leans across the sides");
+    // In a domain with this floor alone nothing moves any more.
+    let floor = Wall { friction: 0.3, ..wall([0.0, 0.0], [1.0, 0.0]) };
+    let mut dem = Dem::new(grains.clone().rotating(), vec![floor], glass.to_vec(), settings).unwrap();
+    for _ in 0..50 {
+        dem.step(5e-3, &Load::default());
+    }
+    let moved = grains.position.iter().zip(&dem.particles.position).map(|(x, y)| (x.y - y.y).abs());
+    assert!(moved.fold(0.0, f64::max) < 0.01);
 }

@@ -41,18 +41,25 @@ fn unsupported(scene: &Scene) -> Checked {
     placements(scene)
 }
 
-/// Beds are poured between the sides of their boxes, which would be walls in a domain without sides.
+/// Beds are poured on a floor, and from one periodic side to the other.
 fn placements(scene: &Scene) -> Checked {
-    match scene.grains.iter().position(|group| matches!(group.placement, Placement::Deposit(_))) {
-        None => Ok(()),
-        Some(k) => {
-            let path = format!("grains[{k}].placement.deposit");
-            let message =
-                format!("`{path}`: grains are poured between walls, and `[periodic]` has none at its sides");
+    let Some(periodic) = &scene.periodic else { return Ok(()) };
+    for (k, group) in scene.grains.iter().enumerate() {
+        let Placement::Deposit(deposit) = &group.placement else { continue };
+        let path = format!("grains[{k}].placement.deposit");
+        if periodic.y.is_some() {
+            let message = format!("`{path}`: grains are poured on a floor, and `periodic.y` has none");
             let help = "place them at random or on a lattice and let them settle in the run, or read them from a file";
-            fail(scene, &path, message, help)
+            return fail(scene, &path, message, help);
+        }
+        let (box_x, x) = ([deposit.lower.vector::<2>().x, deposit.upper.vector::<2>().x], periodic.x);
+        if x.is_some_and(|x| x != box_x) {
+            let message = format!("`{path}`: its box goes from x = {} to {}", box_x[0], box_x[1]);
+            let help = format!("let it go from one periodic side to the other, {:?}", x.unwrap_or_default());
+            return fail(scene, &path, message, help);
         }
     }
+    Ok(())
 }
 
 /// No wall stands on a periodic side, and each fits in the period beside the largest grain that is known before any is
