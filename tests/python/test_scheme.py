@@ -60,7 +60,7 @@ class Implicit:
         load, at = system.load, system.at_grains
         drag, volume = load["drag"][:, None], load["volume"][:, None]
         heat = load["heat_coefficient"] * at["temperature"]
-        return drag * at["velocity"] - volume * at["pressure_gradient"], heat
+        return drag * at["velocity"] - volume * at["pressure_gradient"] + load["known"], heat
 
     def step(self, system, dt):
         system.cut_grains()

@@ -112,6 +112,7 @@ impl Group {
             Group::Load => &[
                 "volume",
                 "drag",
+                "known",
                 "mobility",
                 "velocity",
                 "heat_coefficient",
@@ -207,6 +208,8 @@ fn load(subject: &Subject<'_>, name: &str) -> Option<Column> {
     Some(match name {
         "volume" => load.volume.as_slice().into(),
         "drag" => load.drag.as_slice().into(),
+        "known" if load.known.is_empty() => vec![Vector::<2>::zeros(); load.drag.len()].as_slice().into(),
+        "known" => load.known.as_slice().into(),
         "mobility" => load.mobility.as_slice().into(),
         "velocity" => load.velocity.as_slice().into(),
         "heat_coefficient" => heat?.coefficient.as_slice().into(),

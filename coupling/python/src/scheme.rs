@@ -116,7 +116,9 @@ impl System {
         self.with(py, |held| held.mixture.cut_grains(&mut held.report))
     }
 
-    /// Fills `load["drag"]` and `load["heat_coefficient"]` by the laws of the scene, and the voidage at the grains.
+    /// Fills `load["drag"]`, `load["known"]` and `load["heat_coefficient"]` by the laws of the scene, and the voidage at
+    /// the grains. `known` is the part of the forcing drag u - volume grad p + known that the fluid does not change, of
+    /// added mass and lift; zero without them.
     fn evaluate_closures(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |held| held.mixture.evaluate_closures(held.dt, &mut held.report))
     }

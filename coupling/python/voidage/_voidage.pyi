@@ -162,8 +162,10 @@ class System:
     def cut_grains(self) -> None:
         """Cuts the grains by the mesh, and computes the nodal voidage."""
     def evaluate_closures(self) -> None:
-        """Fills ``load["drag"]`` and ``load["heat_coefficient"]`` by the laws of the scene, with
-        the fluid of ``at_grains``, and the voidage at the grains."""
+        """Fills ``load["drag"]``, ``load["known"]`` and ``load["heat_coefficient"]`` by the laws of
+        the scene, with the fluid of ``at_grains``, and the voidage at the grains. ``known`` (g, D)
+        is the part of the forcing drag u - volume grad p + known that the fluid does not change,
+        of added mass and lift; zero without them."""
     def solve_fluid(self) -> None:
         """Solves the fluid from its last accepted state with the load as it is. Fills
         ``at_grains``, ``grains["force"]`` and ``grains["heat"]``. May be called many times."""
@@ -176,8 +178,8 @@ class System:
         """Moves the grains by a step under ``force`` (g, D), N, and ``heat`` (g), W (exactly if the
         scene has heat), from which the drag and the heat transfer of the grains themselves go off,
         ``load["drag"]`` v and ``load["heat_coefficient"]`` T, implicitly; contacts included.
-        Returns the mean velocity over the step, (g, D), and the mean temperature, (g), if there is
-        heat; ``grains["force"]`` and ``grains["heat"]`` are then what is left of the forcing."""
+        Returns the mean velocity over the step, (g, D), with added mass what drag and added mass
+        felt of it, and the mean temperature, (g), if there is heat; ``grains["force"]`` and ``grains["heat"]`` are then what is left of the forcing."""
     def separate_continuity(self) -> None:
         """Gives the solid flux in the equation of mass a law of its own,
         ``load["continuity_mobility"]`` and ``load["continuity_velocity"]``, at first that of the
