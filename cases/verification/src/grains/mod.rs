@@ -34,4 +34,5 @@ pub const CASES: &[Case] = &[
     gas::CASE,
     column::CASE,
     hopper::CASE,
+    hopper::ROLLING,
 ];
