@@ -163,7 +163,8 @@ impl<const D: usize> Coarse<D> {
 
     /// Finds the factors of F columns, and the energy that they would take away, J.
     fn find<L: Law, const F: usize>(&mut self, problem: &Problem<D>) -> f64 {
-        if problem.contacts.is_empty() {
+        if self.nodes.count() == 0 {
+            self.fresh = false;
             return 0.0;
         }
         self.wide = F > 1;

@@ -223,4 +223,34 @@ mod tests {
         let turning = Motion::Rotation { centre: Vector::zeros(), rate: 1.0 };
         assert!(check(Wall { motion: turning, ..wall([0.0, 0.0], [0.0, 9.0]) }).is_err());
     }
+
+    /// Contacts of which all were across periodic sides left no grid for the measure of the error, and it panicked.
+    #[test]
+    fn grains_that_meet_across_the_sides_alone_collide() {
+        use crate::{Dem, Load, Material, Particles, Settings};
+        use rand::{Rng, SeedableRng};
+        let materials = [Material { friction: 0.3, ..Material::default() }];
+        let place = |x, y| Vector::<2>::new(x, y);
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(1);
+        let mut met = 0;
+        for _ in 0..300 {
+            let mut speed = || 0.02 * (rng.random::<f64>() - 0.5);
+            let (u, v, w) = (speed(), speed(), speed());
+            let places = vec![place(-0.92, 0.0), place(1.9, 0.12), place(1.9, -0.12)];
+            let mut grains = Particles::new(places, vec![0.1; 3], vec![0; 3], &materials).unwrap().rotating();
+            grains.velocity = vec![place(-0.02, u), place(0.01 + v, v), place(0.02 + w, w)];
+            let before: Vector<2> = grains.velocity.iter().sum();
+            let period = Period::new([Some([-1.0, 2.0]), None]).unwrap();
+            let settings = Settings { gravity: place(0.0, 0.0), period, ..Settings::default() };
+            let mut dem = Dem::new(grains, vec![], materials.to_vec(), settings).unwrap();
+            for _ in 0..20 {
+                let report = dem.step(0.1, &Load::default());
+                assert!(report.converged);
+                met = met.max(report.contacts);
+            }
+            let after: Vector<2> = dem.particles.velocity.iter().sum();
+            approx::assert_relative_eq!(after, before, epsilon = 1e-12);
+        }
+        assert!(met > 1, "they never met");
+    }
 }

@@ -49,8 +49,9 @@ impl<const D: usize> Nodes<D> {
         self.dims.iter().any(|nodes| *nodes > 2)
     }
 
+    /// Number of nodes; none where there are no contacts but across periodic sides.
     pub fn count(&self) -> usize {
-        self.dims.iter().product()
+        if self.dims.is_empty() { 0 } else { self.dims.iter().product() }
     }
 
     /// The cell of a point along each axis.

@@ -170,7 +170,8 @@ fn run(effort: Effort, rolling: f64) -> Result<Outcome> {
     let openings: &[f64] = effort.pick(&[8.0, 11.0, 15.0, 20.0], &[8.0, 12.0, 18.0, 27.0]);
     let runs: Vec<(f64, u64)> =
         openings.iter().flat_map(|w| (0..seeds).map(move |seed| (*w, seed))).collect();
-    let flows = runs.par_iter().map(|(w, seed)| flow(silo, rolling, *w, *seed)).collect::<Result<Vec<_>>>()?;
+    let flows =
+        runs.par_iter().map(|(w, seed)| flow(silo, rolling, *w, *seed)).collect::<Result<Vec<_>>>()?;
     let points: Vec<(f64, f64)> = runs.iter().zip(&flows).map(|(run, q)| (run.0, *q)).collect();
     let of_seed = |seed: u64| -> Vec<(f64, f64)> {
         runs.iter().zip(&points).filter(|(run, _)| run.1 == seed).map(|(_, point)| *point).collect()
