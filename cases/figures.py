@@ -7,6 +7,7 @@ of the run.
     python3 cases/figures.py heap DIR                    ends of the heap in the last frame, m
     python3 cases/figures.py slope DIR                   angle of both sides of the heap in the last frame, degrees
     python3 cases/figures.py below DIR HEIGHT FROM TO    grains that fall below a height, 1/s, between two times, s
+    python3 cases/figures.py aside DIR X                 mean distance of the grains from x = X in each frame, m
     python3 cases/figures.py residence DIR               mean residence time of the tracer, s
 """
 
@@ -123,6 +124,12 @@ def below(folder: Path, height: float, begin: float, end: float) -> None:
     print(f"{(after - before) / (last - first):.1f}")
 
 
+def aside(folder: Path, middle: float) -> None:
+    for time, frame in frames(folder, "grains.pvd"):
+        away = [abs(at[0] - middle) for at in column(frame, "points")]
+        print(f"{time:g} {sum(away) / len(away):.3g}")
+
+
 def residence(folder: Path) -> None:
     names = "time_s", "convected_tracer_outflow_m2_per_s", "flux_outflow_m2_per_s"
     rows = [(time, 1 - out / flux if flux else 1.0) for time, out, flux in series(folder, *names)]
@@ -142,6 +149,8 @@ def main() -> None:
             slope(Path(folder))
         case ["below", folder, height, begin, end]:
             below(Path(folder), float(height), float(begin), float(end))
+        case ["aside", folder, middle]:
+            aside(Path(folder), float(middle))
         case ["residence", folder]:
             residence(Path(folder))
         case _:

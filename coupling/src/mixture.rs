@@ -190,7 +190,9 @@ impl<const D: usize> Mixture<D> {
         let Interaction { laws, load, voidage, felt, .. } = interaction;
         let GrainLoad { pieces, volume, drag, added, known, .. } = load;
         if laws.unsteady.is_none() {
-            (added.clear(), known.clear(), felt.clear());
+            added.clear();
+            known.clear();
+            felt.clear();
             return;
         }
         let particles = &grains.particles;

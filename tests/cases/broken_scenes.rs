@@ -339,6 +339,24 @@ const MISTAKES: &[Mistake] = &[
         &["henri", "henry", "explicit"],
     ),
     mistake(
+        "added mass below nothing",
+        ["scheme = \"iterated\"", "added_mass = -0.5"],
+        "added_mass",
+        &["coupling.added_mass = -0.5", "from 0 to 100"],
+    ),
+    mistake(
+        "added mass of grains without acceleration",
+        ["scheme = \"iterated\"", "scheme = \"explicit\"\nadded_mass = 0.5"],
+        "added_mass",
+        &["coupling.added_mass", "explicit", "another scheme"],
+    ),
+    mistake(
+        "unknown law of lift",
+        ["scheme = \"iterated\"", "lift = \"magnus\""],
+        "lift",
+        &["magnus", "saffman-mei"],
+    ),
+    mistake(
         "relaxation of nothing",
         ["scheme = \"iterated\"", "iteration = { relaxation = { constant = 0.0 } }"],
         "iteration",

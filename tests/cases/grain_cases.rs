@@ -597,3 +597,40 @@ fn motions_are_read_from_files_and_bad_ones_are_refused() {
         assert!(words.iter().all(|word| said.contains(word)), "{what} {file:?}: {said}");
     }
 }
+
+/// Hollow and with its added mass: (rho_p + rho_f/2) dv/dt = (rho_f - rho_p) g - drag, by a Runge-Kutta method of order
+/// four.
+#[test]
+fn a_light_sphere_rises_with_its_added_mass() {
+    let mut run = Simulation::new(&scene("settling-grain/scene-light.toml", &[])).unwrap();
+    for (time, exact) in [(0.005, 0.0688485), (0.01, 0.1214991), (0.05, 0.2029291)] {
+        while run.time() < time - 1e-9 {
+            run.step().unwrap();
+        }
+        let speed = run.view().grains.unwrap().velocity[0].y;
+        assert!((speed / exact - 1.0).abs() < 1e-3, "{speed} m/s at {time} s");
+    }
+}
+
+/// Grains that lag behind the liquid go to where it is faster, grains that lead to where it is slower.
+#[test]
+fn lift_takes_heavy_grains_to_the_middle_of_a_rise_and_to_the_walls_of_a_fall() {
+    let aside = |sets: &[&str], lift: bool| {
+        let mut scene = scene("lift/scene.toml", sets);
+        if !lift {
+            scene.coupling.as_mut().unwrap().lift = None;
+        }
+        let mut run = Simulation::new(&scene).unwrap();
+        for _ in 0..400 {
+            run.step().unwrap();
+        }
+        let places = &run.view().grains.unwrap().position;
+        places.iter().map(|x| (x.x - 0.005).abs()).sum::<f64>() / places.len() as f64
+    };
+    let down = ["fluid.body_force=[0.0,3.11]"];
+    assert!(aside(&[], true) < 2e-4);
+    assert!(aside(&down, true) > 4e-3);
+    for sets in [&[][..], &down[..]] {
+        assert!((aside(sets, false) - 2.49e-3).abs() < 1e-4);
+    }
+}

@@ -405,15 +405,17 @@ fn short(value: f64) -> String {
     if (1e-3..1e5).contains(&value) { format!("{value:.digits$}") } else { format!("{value:.2e}") }
 }
 
-/// Cuts off the quarters of each axis beyond which nothing is, so that pictures of a run share few sizes.
+/// Cuts off the quarters of each axis beyond which nothing is, so that pictures of a run share few sizes; not where that
+/// would leave a strip more than four times as long as wide, of which a picture cannot be.
 fn leave_out_empty(bounds: &mut [f64; 4], points: impl Iterator<Item = [f64; 2]> + Clone) {
     for axis in 0..2 {
         let (lower, upper) = (bounds[axis], bounds[axis + 2]);
         let quarter = |point: [f64; 2]| (4.0 * (point[axis] - lower) / (upper - lower)).clamp(0.0, 4.0);
         let first = points.clone().map(quarter).fold(4.0, f64::min).floor();
         let last = points.clone().map(quarter).fold(0.0, f64::max).ceil();
-        if first < last {
-            let at = |quarter: f64| lower + 0.25 * quarter * (upper - lower);
+        let at = |quarter: f64| lower + 0.25 * quarter * (upper - lower);
+        let other = bounds[3 - axis] - bounds[1 - axis];
+        if first < last && at(last) - at(first) >= 0.25 * other {
             (bounds[axis], bounds[axis + 2]) = (at(first), at(last));
         }
     }
