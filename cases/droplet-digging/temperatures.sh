@@ -3,8 +3,8 @@
 #   cases/droplet-digging/temperatures.sh SCENE OUT C [C ..] [-- arguments of `voidage run`]
 # for example
 #   cases/droplet-digging/temperatures.sh cases/droplet-digging/scene-quick.toml out/digging 300 400 600
-# Runs go one after the other into OUT/300C, OUT/400C and so on; one that is there goes on from its checkpoint, one that is done stays. The program is
-# $VOIDAGE, or voidage on the PATH. With PLOT=0 there are no pictures that compare.
+# Runs go one after the other into OUT/300C, OUT/400C and so on; one that is there goes on from its checkpoint, one
+# that is done stays. The program is $VOIDAGE, or voidage on the PATH. With PLOT=0 there are no pictures that compare.
 set -euo pipefail
 [ $# -ge 3 ] || { sed -n '2,7s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 scene=$1 out=$2 voidage=${VOIDAGE:-voidage}
