@@ -172,8 +172,9 @@ impl<const D: usize> Solution<D> {
             Some(format!("{} at node {node}", scalar.name))
         });
         let in_balance = |balance: &Balance<D>| {
-            let scalars = balance.scalars.iter().chain(&balance.convected);
-            balance.force.iter().chain([&balance.flux]).chain(scalars).all(|x| x.is_finite())
+            let Balance { flux, force, torque, scalars, convected } = balance;
+            let numbers = force.iter().chain(torque).chain(scalars).chain(convected);
+            numbers.chain([flux]).all(|x| x.is_finite())
         };
         let part = self.balances.iter().position(|balance| !in_balance(balance));
         let in_body =

@@ -27,6 +27,8 @@ pub struct Balance<const D: usize> {
     /// Force of the fluid on the part, N (N/m in the plane); of an open part with the momentum that entering fluid
     /// takes up.
     pub force: Vector<D>,
+    /// Moment of this force about the origin, N m: in space about x, y and z, in the plane (N) about z, anticlockwise.
+    pub torque: Vec<f64>,
     /// What the part gives to the fluid of each scalar by conduction, transfer and the value of entering fluid, W for
     /// heat (W/m in the plane).
     pub scalars: Vec<f64>,
@@ -38,8 +40,23 @@ pub struct Balance<const D: usize> {
 impl<const D: usize> Balance<D> {
     /// Nothing passes, of so many scalars.
     pub fn none(scalars: usize) -> Self {
-        Self { flux: 0.0, force: Vector::zeros(), scalars: vec![0.0; scalars], convected: vec![0.0; scalars] }
+        let [torque, scalars] = [moments(D), scalars].map(|count| vec![0.0; count]);
+        Self { flux: 0.0, force: Vector::zeros(), torque, convected: scalars.clone(), scalars }
     }
+
+    /// Adds a force that acts somewhere.
+    fn act(&mut self, at: &Vector<D>, force: &Vector<D>) {
+        self.force += force;
+        for (axis, moment) in self.torque.iter_mut().enumerate() {
+            let (i, j) = if D == 2 { (0, 1) } else { ((axis + 1) % 3, (axis + 2) % 3) };
+            *moment += at[i] * force[j] - at[j] * force[i];
+        }
+    }
+}
+
+/// Numbers of a moment: one in the plane, three in space.
+pub const fn moments(dimension: usize) -> usize {
+    dimension * (dimension - 1) / 2
 }
 
 /// A solved step.
@@ -62,9 +79,11 @@ impl<const D: usize, const B: usize> Solved<'_, D, B> {
         out.resize_with(self.conditions.len(), || Balance::none(0));
         for (condition, balance) in self.conditions.iter().zip(out) {
             (balance.flux, balance.force) = (0.0, Vector::zeros());
-            for column in [&mut balance.scalars, &mut balance.convected] {
+            let scalars = self.capacity.len();
+            let columns = [&mut balance.torque, &mut balance.scalars, &mut balance.convected];
+            for (column, count) in columns.into_iter().zip([moments(D), scalars, scalars]) {
                 column.clear();
-                column.resize(self.capacity.len(), 0.0);
+                column.resize(count, 0.0);
             }
             for nodes in facets(&self.geometry.mesh, &condition.boundary) {
                 self.pass(condition, &Facet::new(&self.geometry.mesh, nodes), balance);
@@ -85,7 +104,9 @@ impl<const D: usize, const B: usize> Solved<'_, D, B> {
                     let taken = -self.density * facet.inflow(phi, wind) * voidage(phi);
                     let velocity: Vector<D> =
                         (0..D).map(|a| self.new.velocity[facet.nodes[a] as usize] * phi[a]).sum();
-                    out.force += (facet.normal * *pressure + velocity * taken) * weight;
+                    let at: Vector<D> =
+                        (0..D).map(|a| self.geometry.mesh.points[facet.nodes[a] as usize] * phi[a]).sum();
+                    out.act(&at, &((facet.normal * *pressure + velocity * taken) * weight));
                     (voidage(phi) * velocity.dot(&facet.normal), true)
                 }
                 FlowCondition::Velocity(value) => (voidage(phi) * along(phi, &|node| value.at(node)), true),
@@ -161,18 +182,18 @@ impl<const D: usize> Owners<D> {
         });
     }
 
-    /// Adds the force of a node, N, to the balances of those that hold it: that of a corner between walls to slide
-    /// along is resolved into their normals, by least squares where these are alike.
-    pub fn share_force(&self, node: usize, force: Vector<D>, out: &mut [Balance<D>]) {
+    /// Adds the force of a node at a place, N, to the balances of those that hold it: that of a corner between walls to
+    /// slide along is resolved into their normals, by least squares where these are alike.
+    pub fn share_force(&self, node: usize, at: &Vector<D>, force: Vector<D>, out: &mut [Balance<D>]) {
         if self.fixed[node] != NOBODY {
-            out[self.fixed[node] as usize].force += force;
+            out[self.fixed[node] as usize].act(at, &force);
             return;
         }
         let start = self.sliding.partition_point(|(other, ..)| (*other as usize) < node);
         let walls = &self.sliding[start..];
         let walls = &walls[..walls.partition_point(|(other, ..)| *other as usize == node)];
         if let [(_, number, _)] = walls {
-            out[*number as usize].force += force;
+            out[*number as usize].act(at, &force);
             return;
         }
         let normals = DMatrix::from_fn(D, walls.len(), |i, k| walls[k].2[i]);
@@ -180,7 +201,7 @@ impl<const D: usize> Owners<D> {
         let least = ALIKE * svd.singular_values.max();
         let Ok(shares) = svd.solve(&DVector::from_fn(D, |i, _| force[i]), least) else { return };
         for ((_, number, area), share) in walls.iter().zip(shares.iter()) {
-            out[*number as usize].force += area * *share;
+            out[*number as usize].act(at, &(area * *share));
         }
     }
 }

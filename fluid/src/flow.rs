@@ -300,7 +300,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         self.bodies.balance(&self.geometry, conditions, voidage, value, out);
         let pattern = &self.assembler.pattern;
         self.kept.reactions(pattern, &self.unknown, |node, reaction| {
-            self.owners.share_force(node, Vector::from_fn(|i, _| -reaction[i]), out);
+            let force = Vector::from_fn(|i, _| -reaction[i]);
+            self.owners.share_force(node, &self.geometry.mesh.points[node], force, out);
         });
         for (k, equation) in self.scalars.iter().enumerate() {
             equation.kept.reactions(pattern, &self.next.scalars[k], |node, [given]| {

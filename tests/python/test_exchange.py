@@ -169,7 +169,9 @@ def test_balances_reach_the_run(address):
         def solve(self, step):
             solution = super().solve(step)
             found = {
-                condition.boundary: voidage.Balance(k, np.array([1.0, k]), (2.0 * k,), (3.0 * k,))
+                condition.boundary: voidage.Balance(
+                    k, np.array([1.0, k]), np.array([4.0 * k]), (2.0 * k,), (3.0 * k,)
+                )
                 for k, condition in enumerate(step.conditions)
             }
             return replace(solution, balances=dict(reversed(found.items())))

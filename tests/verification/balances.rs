@@ -139,6 +139,7 @@ fn a_step_in_parts_reports_what_passes_in_all_of_them() {
         near(sum.flux, a.flux, b.flux);
         let (off, size) = (sum.force - (a.force + b.force) * 0.5, a.force.norm() + b.force.norm());
         assert!(off.norm() <= 1e-8 * size, "{} {} {}", sum.force, a.force, b.force);
+        near(sum.torque[0], a.torque[0], b.torque[0]);
         for k in 0..sum.scalars.len() {
             near(sum.convected[k], a.convected[k], b.convected[k]);
             near(sum.scalars[k], a.scalars[k], b.scalars[k]);

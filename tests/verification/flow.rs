@@ -4,11 +4,11 @@ use approx::assert_relative_eq;
 use std::sync::Arc;
 use voidage_coupling::{HEAT, TEMPERATURE};
 use voidage_fluid::assembly::System;
-use voidage_fluid::conditions::{FlowCondition, Prescribed, ScalarCondition};
+use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::State;
 use voidage_fluid::linear::Pattern;
 use voidage_fluid::transport::{Form, Scalar};
-use voidage_verification::models::{FluidSet, Vec2, grid, steps_alone};
+use voidage_verification::models::{FluidSet, Vec2, annulus, grid, steps_alone};
 
 /// A stirred box with an obstacle of drag, solved in kg and in units a thousand times smaller: velocities are
 /// the same and pressures scale. The stabilisation as printed in the paper fails this.
@@ -130,4 +130,45 @@ fn what_enters_depends_neither_on_the_mesh_nor_on_the_order_of_the_conditions() 
             assert_relative_eq!(found, 0.3 * 0.7, max_relative = 1e-7);
         }
     }
+}
+
+/// Moments of the fluid about a point, N, on the two walls of a ring of radii 1 and 2 about it, of which the inner one
+/// turns at 1/s in creeping flow of viscosity 1; the ring is far from the origin.
+fn moments_in_a_ring(rings: usize) -> [f64; 2] {
+    let centre = Vec2::new(3.0, -2.0);
+    let mut mesh = annulus(1.0, 2.0, rings, 8 * rings);
+    let turns = mesh.points.iter().map(|arm| Vec2::new(-arm.y, arm.x)).collect();
+    mesh.points.iter_mut().for_each(|x| *x += centre);
+    let mut set = FluidSet::new(1e-9, 1.0);
+    let walls =
+        [("inner", FlowCondition::Velocity(Prescribed::Nodal(turns))), ("outer", FlowCondition::NoSlip)];
+    let condition =
+        |(boundary, flow): (&str, _)| Condition { boundary: boundary.into(), flow, scalars: vec![] };
+    set.conditions = walls.map(condition).to_vec();
+    let clear = vec![1.0; mesh.points.len()];
+    let start = set.rest(&mesh, 0.0);
+    let mut flow = set.equations(mesh, start).expect("a valid fluid");
+    flow.solve(1e6, &clear, None, &set.conditions).expect("a step");
+    let mut balances = vec![];
+    flow.balances(&clear, &set.conditions, &mut balances);
+    let about = |k: usize| {
+        let force = balances[k].force;
+        balances[k].torque[0] - (centre.x * force.y - centre.y * force.x)
+    };
+    [about(0), about(1)]
+}
+
+/// Between concentric circles of radii a and b of which the inner one turns at the rate w, each is turned by
+/// 4 pi eta w a^2 b^2/(b^2 - a^2).
+#[test]
+fn the_torques_on_the_walls_of_a_ring_are_those_of_couette_flow() {
+    let exact = 16.0 * std::f64::consts::PI / 3.0;
+    let errors = [4, 8, 16].map(|rings| {
+        let [inner, outer] = moments_in_a_ring(rings);
+        // The reactions are symmetric: a rigid rotation of the whole costs no power.
+        assert!((inner + outer).abs() < 1e-8 * exact, "{inner} and {outer}");
+        (inner + exact).abs() / exact
+    });
+    let order = |k: usize| (errors[k] / errors[k + 1]).log2();
+    assert!(order(0) > 1.8 && order(1) > 1.9 && errors[2] < 0.01, "{errors:?}");
 }

@@ -282,14 +282,14 @@ fn in_a_closed_box_no_node_is_special() {
     }
 }
 
-/// The bed over a oscillating rod, with some keys set.
+/// The bed over an oscillating rod, with some keys set.
 fn swinging_bed(sets: &[&str]) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/scenes/moving-mesh.toml");
     let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
     Scene::read(&path, &sets).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Grains over a oscillating rod, end to end: the mesh is where the law puts it, all of the grains is on it, forces
+/// Grains over an oscillating rod, end to end: the mesh is where the law puts it, all of the grains is on it, forces
 /// balance.
 #[test]
 fn a_scene_swings_its_mesh() {
@@ -549,4 +549,39 @@ fn a_rod_in_a_fluid_stirs_beads() {
         "stirrer",
         &["fluid.mesh_motion.remesh.every=2", "time.step=0.05"],
     ));
+}
+
+/// The torque on a rod that turns is about its centre, wherever the motion has brought it: in creeping flow, far from
+/// walls, it is 4 pi eta w a^2 whether the rod moves on or not.
+#[test]
+fn the_torque_on_a_rod_is_about_its_centre() {
+    let text = r#"
+        gravity = [0.0, 0.0]
+        time = { step = 0.05, end = 1.0 }
+        fluid = { density = 1e-3, viscosity = 1.0, mesh_motion = { boundary = "rod", remesh = {}, table = { centre = [19.0, 20.0], rows = [[0.0, 0.0, 0.0, 0.0], [1.0, 2.0, 0.0, 0.5]] } }, boundaries = [{ name = "box", flow = "no-slip" }, { name = "top", flow = { open = { pressure = 0.0 } } }, { name = "rod", flow = "no-slip" }] }
+        [fluid.mesh.rectangle]
+        lower = [0.0, 0.0]
+        upper = [40.0, 40.0]
+        size = 4.0
+        sides = { left = "box", right = "box", bottom = "box", top = "top" }
+        holes = [{ name = "rod", centre = [19.0, 20.0], radius = 1.0, size = 0.15, growth = 0.2 }]
+    "#;
+    let torque = |sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+        let scene =
+            Scene::parse(Path::new("rod.toml"), text, &sets).unwrap_or_else(|error| panic!("{error}"));
+        let mut run = Simulation::new(&scene).expect("a valid scene");
+        (0..20).for_each(|_| drop(run.step().expect("a step")));
+        let readings = run.readings();
+        let reading = |name: &str| readings.iter().find(|(column, _)| column == name).expect("a column").1;
+        (reading("torque_rod_N"), reading("force_rod_x_N_per_m"))
+    };
+    let expected = -4.0 * PI * 0.5;
+    let (on_its_way, drag) = torque(&[]);
+    // The middle of the box is half way, so that walls turn it as little as they can.
+    assert!(drag < expected, "without the shift by the centre the drag of {drag} N/m would be seen");
+    assert!((on_its_way / expected - 1.0).abs() < 0.05, "{on_its_way} N, {expected} expected");
+    let still = "fluid.mesh_motion.table.rows=[[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.5]]";
+    let (in_place, _) = torque(&[still]);
+    assert!((in_place / expected - 1.0).abs() < 0.05, "{in_place} N, {expected} expected");
 }

@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
 use voidage_coupling::exchange::Pieces;
 use voidage_coupling::{Error, Result};
-use voidage_fluid::balance::Balance;
+use voidage_fluid::balance::{Balance, moments};
 use voidage_fluid::body::{self, BodyAnswer};
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::flow::{Report, State};
@@ -273,6 +273,7 @@ impl Expected {
                     Some(2),
                     1,
                 )?),
+                torque: finite_numbers(&given(&balance, "torque")?, "torque", Some(moments(2)), 1)?,
                 scalars: of_scalars("scalars")?,
                 convected: of_scalars("convected")?,
             });

@@ -36,6 +36,13 @@ def facet_rule(dimension: int) -> tuple[Floats, Floats]:
     return np.array(shape), np.repeat((0.223381589678011, 0.109951743655322), 3)
 
 
+def moments(at: Floats, forces: Floats) -> Floats:
+    """Moments of forces about the origin, (k, 1) in the plane and (k, 3) in space."""
+    if at.shape[1] == 2:
+        return at[:, :1] * forces[:, 1:] - at[:, 1:] * forces[:, :1]
+    return np.cross(at, forces)
+
+
 class Boundary(Places):
     """The boundary in a step: its places are the points of a rule on the facets, part by part in
     the order of the conditions. What is integrated is given times the weight of each place.
@@ -200,7 +207,9 @@ class Boundary(Places):
         # A wall carries nothing away.
         carrying = np.where(np.array(kinds)[self.part], self.blown, flux)
         fluxes, given, convected = self._sums(flux, self.part), [], []
-        forces = self._sums(force, self.part) + self._holding_forces(residual)
+        held_forces, held_torques = self._holding(residual)
+        forces = self._sums(force, self.part) + held_forces
+        torques = self._sums(moments(self.at(self.problem.points), force), self.part) + held_torques
         for k, scalar in enumerate(self.problem.scalars):
             (h, outside, *_), s = self._scalar(k), self.at(new.scalars[k])
             held = self.given_by_values(k, scalar_residuals[k])
@@ -209,7 +218,9 @@ class Boundary(Places):
         found = {}
         for number, condition in enumerate(self.step.conditions):
             scalars = (tuple(float(each[number]) for each in kind) for kind in (given, convected))
-            found[condition.boundary] = Balance(float(fluxes[number]), forces[number], *scalars)
+            found[condition.boundary] = Balance(
+                float(fluxes[number]), forces[number], torques[number], *scalars
+            )
         return found
 
     def given_by_values(self, k: int, residual: Floats) -> Floats:
@@ -221,24 +232,27 @@ class Boundary(Places):
         """Sums over what belongs to each part, in the order of the conditions."""
         return np.array([values[part == k].sum(axis=0) for k in range(len(self.step.conditions))])
 
-    def _holding_forces(self, residual: Floats) -> Floats:
-        """Forces of the fluid on the conditions that hold nodes, (number of them, D).
+    def _holding(self, residual: Floats) -> tuple[Floats, Floats]:
+        """Forces of the fluid on the conditions that hold nodes and their moments about the origin,
+        (number of conditions, D) and (.., 1 or 3).
 
-        That of a node goes to the last condition that fixes it, else to the one along whose wall it
-        slides; of a corner between several it is resolved into their normals, by least squares.
+        The force at a node goes to the last condition that fixes it, else to the one along whose
+        wall it slides; of a corner between several it is resolved into their normals, by least
+        squares.
         """
-        forces = -self._sums(residual, self.last)
+        points, forces = self.problem.points, -residual
+        summed = self._sums(forces, self.last), self._sums(moments(points, forces), self.last)
         for node, facets in self.walls.items():
             walls: dict[int, Floats] = {}
             for number, area in facets:
                 walls[number] = walls.get(number, 0) + area
-            numbers, normals = list(walls), np.array(list(walls.values())).T
-            if len(numbers) == 1:
-                forces[numbers] -= residual[node]
-                continue
-            along = np.linalg.lstsq(normals, residual[node], rcond=ALIKE)[0]
-            forces[numbers] -= (along * normals).T
-        return forces
+            numbers, normals, shares = list(walls), np.array(list(walls.values())), forces[[node]]
+            if len(numbers) > 1:
+                along = np.linalg.lstsq(normals.T, forces[node], rcond=ALIKE)[0]
+                shares = along[:, None] * normals
+            summed[0][numbers] += shares
+            summed[1][numbers] += moments(np.tile(points[node], (len(numbers), 1)), shares)
+        return summed
 
 
 def _smooth(areas: list[Floats]) -> Floats:

@@ -307,6 +307,9 @@ class Balance:
     force: Floats
     """Of the fluid on the part; of an open one with the momentum that entering fluid takes up, N,
     (D)."""
+    torque: Floats
+    """Moment of the force about the origin, N m: in space about x, y and z, (3); in the plane (N)
+    about z, anticlockwise, (1)."""
     scalars: tuple[float, ...]
     """What the part gives to the fluid of each scalar by conduction, by transfer and by the value
     of the fluid that enters, W for heat."""

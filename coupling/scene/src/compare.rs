@@ -114,8 +114,11 @@ impl<const D: usize> SideBySide<D> {
             let driven = (largest(&ours.fields.pressure) / self.density).sqrt();
             let speed = fastest(&ours.fields.velocity).max(driven);
             let (lower, upper) = mesh.bounds();
-            let driver = speed * (upper - lower).norm().powi(D as i32 - 1);
-            differences.extend(at_boundary(&self.scalars, driver, &ours.balances, &solution.balances));
+            let extent = (upper - lower).norm();
+            let driver = speed * extent.powi(D as i32 - 1);
+            let reach = lower.norm() + extent;
+            let parts = [&ours.balances, &solution.balances];
+            differences.extend(at_boundary(&self.scalars, (driver, reach), parts[0], parts[1]));
             differences.extend(of_bodies((speed, driver), &ours.bodies, &solution.bodies));
             self.pending.push(Finding { step: step.number, solver: name.clone(), differences });
         }
@@ -207,10 +210,10 @@ fn at_points<const D: usize>(
 
 /// Differences of what passes the parts of the boundary; none where a solver does not compute it. `driver` is the flux
 /// across the mesh of the largest velocity, or of that which the pressure would drive: nothing but rounding passes the
-/// walls of a closed box.
+/// walls of a closed box. A force at the distance `reach` drives moments, which may be zero by symmetry.
 fn at_boundary<const D: usize>(
     scalars: &[String],
-    driver: f64,
+    (driver, reach): (f64, f64),
     a: &[Balance<D>],
     b: &[Balance<D>],
 ) -> Vec<Difference> {
@@ -220,9 +223,11 @@ fn at_boundary<const D: usize>(
     let column = |of: &dyn Fn(&Balance<D>) -> f64| [a, b].map(|all| all.iter().map(of).collect::<Vec<_>>());
     let forces = [a, b].map(|all| all.iter().map(|balance| balance.force).collect::<Vec<_>>());
     let [ours, theirs] = column(&|balance| balance.flux);
+    let torques = [a, b].map(|all| all.iter().flat_map(|balance| balance.torque.clone()).collect::<Vec<_>>());
     let mut found = vec![
         numbers("boundary flux", &ours, &theirs, driver),
         vectors("boundary force", &forces[0], &forces[1], 0.0),
+        numbers("boundary torque", &torques[0], &torques[1], fastest(&forces[0]) * reach),
     ];
     for (k, name) in scalars.iter().enumerate() {
         let [ours, theirs] = column(&|balance| balance.scalars[k]);

@@ -82,7 +82,8 @@ pub struct MeshMotion {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frequency: Option<f64>,
     /// A table of times and places instead of an oscillation, whose first row has neither displacement nor angle. It
-    /// needs `boundary`; with angles also `centre`, and an open boundary.
+    /// needs `boundary`; with angles also `centre`, and an open boundary. With a `centre`, `series.csv` has the fluid's
+    /// torque.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table: Option<MotionTable>,
     /// Name of the part of the boundary that moves. Default: none; only the nodes inside the mesh oscillate.

@@ -15,7 +15,7 @@ use voidage_coupling::error::{Error, Notice, Result};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::remesh::RemeshState;
 use voidage_coupling::{Agreement, Appearing, Carried, Coupled, Fluid, StepReport, System, TEMPERATURE};
-use voidage_dem::{PassageState, Passed, Rounded};
+use voidage_dem::{Motion, PassageState, Passed, Rounded};
 use voidage_fluid::Vector;
 use voidage_fluid::balance::Balance;
 use voidage_fluid::flow;
@@ -38,6 +38,8 @@ pub struct Simulation {
     output: Output,
     /// Bodies that walls make up: how their columns are called, and the walls by number.
     bodies: Vec<(String, Vec<usize>)>,
+    /// The part of the boundary of the mesh that turns, and how it moves.
+    turning: Option<(String, Motion<2>)>,
     /// Times since which contacts carry a force; empty unless contacts are recorded.
     since: Since,
     network: Option<Network>,
@@ -165,6 +167,14 @@ fn bodies(scene: &Scene) -> Vec<(String, Vec<usize>)> {
     bodies
 }
 
+/// The part of the boundary of the mesh that turns about a centre, and how it moves.
+fn turning(scene: &Scene) -> Option<(String, Motion<2>)> {
+    let motion = scene.fluid.as_ref()?.mesh_motion.as_ref()?;
+    let table = motion.table.as_ref().filter(|table| !table.centre.is_empty())?;
+    let (centre, rows) = (table.centre.vector(), table.rows.clone());
+    Some((motion.boundary.clone()?, Motion::Table { centre, rows }))
+}
+
 /// An error on the way to the end of a step, with the number of the step and the time at its start, s.
 fn in_step(step: u64, time: f64, error: Error) -> Error {
     Error::run(error.notice().within(format_args!("step {step}, from t = {time:.6e} s")))
@@ -218,6 +228,7 @@ impl Simulation {
             gas,
             output,
             bodies: bodies(scene),
+            turning: turning(scene),
             since,
             network,
             events: Coming::of(scene)?,
@@ -627,6 +638,7 @@ impl Simulation {
         let none = Balance {
             flux: if steps { f64::NAN } else { 0.0 },
             force: Vector::repeat(if steps { f64::NAN } else { 0.0 }),
+            torque: vec![if steps { f64::NAN } else { 0.0 }],
             scalars: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
             convected: vec![if steps { f64::NAN } else { 0.0 }; fluid.scalars.len()],
         };
@@ -637,10 +649,17 @@ impl Simulation {
             (&condition.boundary, fluid.solution.balances.get(part).unwrap_or(&none))
         });
         for (name, balance) in parts.chain(gone.map(|droplet| (&droplet.boundary, &nothing))) {
+            let turning = self.turning.as_ref().filter(|(part, _)| part == name);
             let name = column_name(name);
             readings.push((format!("flux_{name}_m2_per_s").into(), balance.flux));
             for (axis, force) in ["x", "y"].iter().zip(balance.force.iter()) {
                 readings.push((format!("force_{name}_{axis}_N_per_m").into(), *force));
+            }
+            if let Some((_, motion @ Motion::Table { centre, .. })) = turning {
+                // That of the balance is about the origin.
+                let (centre, force) = (motion.carry(*centre, self.time()), balance.force);
+                let torque = balance.torque[0] - (centre.x * force.y - centre.y * force.x);
+                readings.push((format!("torque_{name}_N").into(), torque));
             }
             for (k, scalar) in fluid.scalars.iter().enumerate() {
                 let (given, convected) = match scalar.as_str() {

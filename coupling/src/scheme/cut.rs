@@ -109,6 +109,7 @@ impl<const D: usize> Mean<D> {
         for (sum, part) in self.balances.iter_mut().zip(parts) {
             sum.flux += part.flux * share;
             sum.force += part.force * share;
+            add(&mut sum.torque, &part.torque, share);
             add(&mut sum.scalars, &part.scalars, share);
             add(&mut sum.convected, &part.convected, share);
         }

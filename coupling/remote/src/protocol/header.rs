@@ -6,7 +6,7 @@ use voidage_coupling::error::{Notice, PeerError};
 /// First bytes of every frame: `VOIDAGE.` as a little-endian number. A machine of the other byte order sees another.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"VOIDAGE.");
 /// Version of the protocol; both ends must have the same.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 /// Flag of a step or a state: the last solution is accepted, before anything else is done.
 pub const ACCEPT: u32 = 1;
 /// Flag of a step: the mesh moves, and the payload has the places and velocities of its nodes.

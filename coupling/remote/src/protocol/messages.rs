@@ -11,7 +11,7 @@ use std::ops::Range;
 use voidage_coupling::backend::{FluidStep, Solution};
 use voidage_coupling::error::PeerError;
 use voidage_fluid::Vector;
-use voidage_fluid::balance::Balance;
+use voidage_fluid::balance::{Balance, moments};
 use voidage_fluid::body::BodyAnswer;
 use voidage_fluid::conditions::Condition;
 use voidage_fluid::flow::Report;
@@ -140,7 +140,7 @@ const REPORT: usize = 6;
 
 /// Numbers of the balance of a part of the boundary.
 fn numbers_of_balance(dimension: usize, scalars: usize) -> usize {
-    1 + dimension + 2 * scalars
+    1 + dimension + moments(dimension) + 2 * scalars
 }
 
 /// Numbers that answer for a body: its velocity and its vapour.
@@ -182,9 +182,9 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
     pub fn write(&self, payload: &mut [f64]) {
         self.layout.write(&self.solution.fields, payload);
         let balances = self.solution.balances.iter().flat_map(|balance| {
-            let force = balance.force.iter().copied();
-            let scalars = balance.scalars.iter().chain(&balance.convected).copied();
-            std::iter::once(balance.flux).chain(force).chain(scalars)
+            let Balance { flux, force, torque, scalars, convected } = balance;
+            let numbers = force.iter().chain(torque).chain(scalars).chain(convected);
+            std::iter::once(flux).chain(numbers).copied()
         });
         let bodies = self.solution.bodies.iter();
         let bodies =
@@ -234,10 +234,14 @@ pub fn read_solution<const D: usize>(
     let (bodies, report) = payload[end..header.length as usize].split_at(bodies);
     out.balances.clear();
     out.balances.extend(payload[place.end()..end].chunks_exact(width).map(|numbers| {
-        let (given, convected) = numbers[1 + D..].split_at(scalars);
+        let (flux, numbers) = (numbers[0], &numbers[1..]);
+        let (force, numbers) = numbers.split_at(D);
+        let (torque, numbers) = numbers.split_at(moments(D));
+        let (given, convected) = numbers.split_at(scalars);
         Balance {
-            flux: numbers[0],
-            force: Vector::from_column_slice(&numbers[1..=D]),
+            flux,
+            force: Vector::from_column_slice(force),
+            torque: torque.to_vec(),
             scalars: given.to_vec(),
             convected: convected.to_vec(),
         }

@@ -138,6 +138,7 @@ fn a_solution_comes_back_as_it_was() {
     let balance = |k: f64| Balance {
         flux: k,
         force: Vector::<2>::new(k + 0.1, k + 0.2),
+        torque: vec![k + 0.25],
         scalars: vec![k + 0.3, k + 0.4],
         convected: vec![k + 0.5, k + 0.6],
     };
