@@ -571,7 +571,9 @@ fn the_torque_on_a_rod_is_about_its_centre() {
         let scene =
             Scene::parse(Path::new("rod.toml"), text, &sets).unwrap_or_else(|error| panic!("{error}"));
         let mut run = Simulation::new(&scene).expect("a valid scene");
-        (0..20).for_each(|_| drop(run.step().expect("a step")));
+        for _ in 0..20 {
+            run.step().expect("a step");
+        }
         let readings = run.readings();
         let reading = |name: &str| readings.iter().find(|(column, _)| column == name).expect("a column").1;
         (reading("torque_rod_N"), reading("force_rod_x_N_per_m"))
