@@ -558,13 +558,24 @@ fn the_torque_on_a_rod_is_about_its_centre() {
     let text = r#"
         gravity = [0.0, 0.0]
         time = { step = 0.05, end = 1.0 }
-        fluid = { density = 1e-3, viscosity = 1.0, mesh_motion = { boundary = "rod", remesh = {}, table = { centre = [19.0, 20.0], rows = [[0.0, 0.0, 0.0, 0.0], [1.0, 2.0, 0.0, 0.5]] } }, boundaries = [{ name = "box", flow = "no-slip" }, { name = "top", flow = { open = { pressure = 0.0 } } }, { name = "rod", flow = "no-slip" }] }
+        [fluid]
+        density = 1e-3
+        viscosity = 1.0
+        boundaries = [
+            { name = "box", flow = "no-slip" },
+            { name = "top", flow = { open = { pressure = 0.0 } } },
+            { name = "rod", flow = "no-slip" },
+        ]
         [fluid.mesh.rectangle]
         lower = [0.0, 0.0]
         upper = [40.0, 40.0]
         size = 4.0
         sides = { left = "box", right = "box", bottom = "box", top = "top" }
         holes = [{ name = "rod", centre = [19.0, 20.0], radius = 1.0, size = 0.15, growth = 0.2 }]
+        [fluid.mesh_motion]
+        boundary = "rod"
+        remesh = {}
+        table = { centre = [19.0, 20.0], rows = [[0.0, 0.0, 0.0, 0.0], [1.0, 2.0, 0.0, 0.5]] }
     "#;
     let torque = |sets: &[&str]| {
         let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
