@@ -1,10 +1,9 @@
 //! The simulation: state, and one step.
 
-use crate::bonds::Bonds;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::laws::Laws;
-use crate::memory::{Beside, Memory, Record, WALL};
+use crate::memory::{Beside, Memory, WALL};
 use crate::parallel;
 use crate::penetration::Moved;
 use crate::repair;
@@ -14,10 +13,14 @@ use crate::search::Search;
 use crate::solver::Problem;
 use crate::walls::Placed;
 use crate::{Load, Material, Pair, Particles, Settings, Side, StepReport, Vector, Wall};
-use serde::{Deserialize, Serialize};
 
 mod contacts;
+mod forces;
 mod members;
+mod state;
+
+pub use forces::{Contact, ContactForce, Partner};
+pub use state::State;
 
 /// The largest radius, m.
 fn largest<const D: usize>(particles: &Particles<D>) -> f64 {
@@ -54,106 +57,6 @@ pub struct Dem<const D: usize> {
     conductor: Conductor,
     /// Whether the contacts of the last sub-step are at hand.
     known: bool,
-}
-
-/// Everything that a bit-exact restart needs beside walls, materials and settings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct State<const D: usize> {
-    /// Time, s; walls are where their laws put them at this time.
-    pub time: f64,
-    /// The grains.
-    pub particles: Particles<D>,
-    memory: Memory<D>,
-    contact_force: Vec<Vector<D>>,
-    contact_heat: Vec<f64>,
-    wall_force: Vec<Vector<D>>,
-    wall_heat: Vec<f64>,
-    wall_torque: Vec<f64>,
-}
-
-impl<const D: usize> State<D> {
-    /// Checks that all columns are of the same grains and walls, and that contacts and forces are finite.
-    ///
-    /// # Errors
-    /// Names the column that is not.
-    pub fn validate(&self) -> Result<()> {
-        self.particles.validate_lengths()?;
-        let (grains, walls) = (self.particles.len(), self.wall_force.len());
-        let heat = |of: usize| move |count: usize| count == 0 || count == of;
-        let finite = |column: &[f64]| column.iter().all(|x| x.is_finite());
-        let vectors = |column: &[Vector<D>]| column.iter().flatten().all(|x| x.is_finite());
-        let columns = [
-            ("forces on grains", self.contact_force.len() == grains && vectors(&self.contact_force)),
-            ("heat to grains", heat(grains)(self.contact_heat.len()) && finite(&self.contact_heat)),
-            ("forces on walls", vectors(&self.wall_force)),
-            ("heat to walls", heat(walls)(self.wall_heat.len()) && finite(&self.wall_heat)),
-            ("torques on walls", heat(walls)(self.wall_torque.len()) && finite(&self.wall_torque)),
-            ("contacts", self.memory.fits(grains, walls)),
-            ("time", self.time.is_finite()),
-        ];
-        match columns.iter().find(|(_, good)| !good) {
-            Some((name, _)) => {
-                Err(Error::Scene(format!("the state of {grains} grains and {walls} walls has wrong {name}")))
-            }
-            None => Ok(()),
-        }
-    }
-}
-
-/// What a grain touches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Partner {
-    /// Another grain, by number.
-    Grain(u32),
-    /// A wall, by number.
-    Wall(u32),
-}
-
-/// A contact of the last sub-step, for output.
-#[derive(Clone, Copy, Debug)]
-pub struct Contact<const D: usize> {
-    /// Number of the first grain.
-    pub grain: u32,
-    /// The other side.
-    pub partner: Partner,
-    /// Unit vector from the grain to the other side.
-    pub normal: Vector<D>,
-    /// Mean force on the other side over the last sub-step, N (per metre of depth).
-    pub force: Vector<D>,
-    /// Moment that resists rolling, on the other side, over the effective radius, N (per metre of depth).
-    pub rolling: f64,
-    /// What the contact allowed the gap to close by in the last sub-step, m: the gap at its start (zero for grains
-    /// that overlap), or less after an impact with restitution.
-    pub gap: f64,
-}
-
-/// The force at a contact.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ContactForce<const D: usize> {
-    /// Number of the first grain.
-    pub grain: u32,
-    /// The other side.
-    pub partner: Partner,
-    /// Force on the other side, N (per metre of depth).
-    pub force: Vector<D>,
-    /// Time that the contact has lasted, s; of cohesion only.
-    pub age: f64,
-    /// Moment that resists rolling, on the other side, over the effective radius, N (per metre of depth).
-    pub rolling: f64,
-}
-
-impl<const D: usize> State<D> {
-    /// The contacts of the last sub-step that carried a force, for grains that start another run.
-    pub fn forces(&self) -> impl Iterator<Item = ContactForce<D>> + '_ {
-        let h = self.memory.h;
-        self.memory.records().map(move |r| ContactForce {
-            grain: r.i,
-            partner: if r.j & WALL == 0 { Partner::Grain(r.j) } else { Partner::Wall(r.j & !WALL) },
-            force: r.impulse / h,
-            age: r.age,
-            rolling: r.rolling / h,
-        })
-    }
 }
 
 impl<const D: usize> Default for Dem<D> {
@@ -550,11 +453,6 @@ impl<const D: usize> Dem<D> {
         (self.wall_force, self.wall_heat, self.wall_torque) = (force, heat, torque);
     }
 
-    /// How contacts bind each grain, by those that carried an impulse in the last sub-step.
-    pub fn bonds(&self, out: &mut Bonds) {
-        out.find(&self.particles, self.search.forces(&self.problem, self.memory.h));
-    }
-
     /// Mean contact force on each grain over the last step, walls included, N (per metre of depth).
     pub fn contact_force(&self) -> &[Vector<D>] {
         &self.contact_force
@@ -581,66 +479,6 @@ impl<const D: usize> Dem<D> {
         &self.wall_torque
     }
 
-    /// Whether [`Self::contacts`] lists those of the last sub-step: not at the start, after a restart, and in a step
-    /// in which grains left, until the next one.
-    pub fn knows_contacts(&self) -> bool {
-        self.known
-    }
-
-    /// Contacts of the last sub-step, also those that carry nothing; none after a restart until the next step.
-    pub fn contacts(&self) -> impl Iterator<Item = Contact<D>> + '_ {
-        let n = self.search.grid.grain_of.len();
-        let h = self.memory.h;
-        self.problem.contacts.iter().enumerate().map(move |(k, c)| Contact {
-            grain: self.search.grid.grain_of[c.i as usize],
-            partner: if (c.j as usize) < n {
-                Partner::Grain(self.search.grid.grain_of[c.j as usize])
-            } else {
-                Partner::Wall(self.search.touches[c.j as usize - n].wall)
-            },
-            normal: c.normal,
-            force: c.impulse / h,
-            rolling: self.problem.rolling.get(k).map_or(0.0, |r| r.impulse.get() / h),
-            gap: c.bias * h,
-        })
-    }
-
-    /// Contacts that carry a force in the last sub-step, with the heat that flows from the other side to the first
-    /// grain (W; zero without conduction).
-    pub fn carriers(&self) -> impl Iterator<Item = (Contact<D>, f64)> + '_ {
-        let wall = |wall: u32| self.walls[wall as usize].temperature.unwrap_or(0.0);
-        let mut heats = self.conductor.fluxes(wall).peekable();
-        let acting = self.contacts().filter(|c| c.force.iter().any(|f| *f != 0.0));
-        acting.map(move |contact| {
-            let other = match contact.partner {
-                Partner::Grain(j) => j,
-                Partner::Wall(wall) => WALL | wall,
-            };
-            // Not every contact conducts.
-            let heat = heats.next_if(|(i, j, _)| (*i, *j) == (contact.grain, other));
-            (contact, heat.map_or(0.0, |(.., heat)| heat))
-        })
-    }
-
-    /// Lets the next step start from these forces: those of a bed that has settled before. Without them the forces of a
-    /// bed that is at rest are sought from nothing, and it gives way a little meanwhile.
-    pub fn start_from(&mut self, forces: &[ContactForce<D>]) {
-        // Impulses of a step of one second; the next one takes its part.
-        let records = || {
-            forces.iter().map(|f| Record {
-                i: f.grain,
-                j: match f.partner {
-                    Partner::Grain(j) => j,
-                    Partner::Wall(wall) => WALL + wall,
-                },
-                impulse: f.force,
-                age: f.age,
-                rolling: f.rolling,
-            })
-        };
-        self.memory.store(self.particles.len(), 1.0, self.beside(), records);
-    }
-
     /// Time, s.
     pub fn time(&self) -> f64 {
         self.time
@@ -659,45 +497,5 @@ impl<const D: usize> Dem<D> {
     /// The settings.
     pub fn settings(&self) -> &Settings<D> {
         &self.settings
-    }
-
-    /// All that a restart needs beside walls, materials and settings.
-    pub fn state(&self) -> State<D> {
-        State {
-            time: self.time,
-            particles: self.particles.clone(),
-            memory: self.memory.clone(),
-            contact_force: self.contact_force.clone(),
-            contact_heat: self.contact_heat.clone(),
-            wall_force: self.wall_force.clone(),
-            wall_heat: self.wall_heat.clone(),
-            wall_torque: self.wall_torque.clone(),
-        }
-    }
-
-    /// Continues from a state of the same scene, bit for bit as if it had not stopped.
-    ///
-    /// # Errors
-    /// Those of [`State::validate`], values that no grain has, forces of other walls.
-    pub fn restore(&mut self, state: State<D>) -> Result<()> {
-        state.validate()?;
-        state.particles.validate(&self.materials)?;
-        let n = state.particles.len();
-        if state.contact_force.len() != n || state.wall_force.len() != self.walls.len() {
-            let (grains, walls) = (state.contact_force.len(), state.wall_force.len());
-            return Err(Error::Scene(format!(
-                "the state holds forces of {grains} grains and {walls} walls, the scene has {n} and {}",
-                self.walls.len()
-            )));
-        }
-        self.time = state.time;
-        self.particles = state.particles;
-        self.memory = state.memory;
-        self.contact_force = state.contact_force;
-        self.contact_heat = state.contact_heat;
-        self.wall_force = state.wall_force;
-        self.wall_heat = state.wall_heat;
-        self.wall_torque = state.wall_torque;
-        Ok(())
     }
 }
