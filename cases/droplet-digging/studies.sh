@@ -1,15 +1,25 @@
 #!/usr/bin/env bash
 # What decides how the droplet digs: the quick form on beds of several temperatures with one thing changed at a time,
-# 0.3 s each:
-#   cases/droplet-digging/studies.sh OUT
+# 0.3 s each; or, with `coarse`, the full case with grains of twice the diameter at 400 and 600 C, 0.5 s each:
+#   cases/droplet-digging/studies.sh OUT [coarse]
 # makes OUT/studies.csv and keeps a folder for each run in OUT; runs that are done stay. They go one after the other on
 # one core, for some hours in all. With DONE=1 the table has those that are done, and none is started. The program is
 # $VOIDAGE, or voidage on the PATH.
 set -euo pipefail
-[ $# = 1 ] || { sed -n '2,7s/^# \{0,1\}//p' "$0" >&2; exit 2; }
-out=$1 here=$(dirname "$0")
+[ $# = 1 ] || [ "$# ${2:-}" = "2 coarse" ] || { sed -n '2,8s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+out=$1 form=${2:-quick} here=$(dirname "$0")
 export VOIDAGE=${VOIDAGE:-voidage} PLOT=0
 
+# End of the runs, and from when on what they show is summed up.
+scene=scene-quick.toml end=0.3 from=0.2 base=()
+if [ "$form" = coarse ]; then
+    scene=scene.toml end=0.5 from=0.3
+    base=(
+        --set 'grains[0].radius={uniform=[4.4e-5,5.5e-5]}' --set 'grains[0].amount.count=24250'
+        --set contacts.cohesion.force=3e-3
+        --set 'fluid.mesh.rectangle.holes=[{name="droplet",centre=[0.005,0.02525],radius=1.25e-3,size=5.5e-5,growth=0.2}]'
+    )
+fi
 hole='fluid.mesh.rectangle.holes=[{name="droplet",centre=[0.003,0.00825],radius=1e-3,growth=0.2'
 # Everything at 400 C, and where a regime may end: what moved something there.
 everything=(
@@ -31,6 +41,15 @@ everything=(
     time.step=1.25e-4
     droplet.grain_share=disc
 )
+# What moved something, or might move more in the full case.
+full=(
+    nothing
+    time.step=2.5e-4
+    'grains[0].solidity=0.714'
+    materials.glass.density=6723
+    droplet.heat_flux=gradient
+    droplet.grain_share=disc
+)
 edges=(
     nothing
     'grains[0].solidity=0.714'
@@ -47,7 +66,7 @@ mkdir -p "$out"
 table=$out/studies.csv
 columns=bed_C,changed,depth_m,sinking_speed_m_per_s,velocity_rms_m_per_s,vaporisation_kg_per_s_per_m
 {
-    echo '# cases/droplet-digging/studies.sh OUT; depth at 0.3 s, absorption of all steps, all else from 0.2 to 0.3 s'
+    echo "# cases/droplet-digging/studies.sh OUT${2:+ $2}; depth at $end s, absorption of all steps, all else from $from to $end s"
     echo $columns,lifetime_s,solid_share_in_water,largest_absorption_number
 } >"$table.part"
 study() {
@@ -58,15 +77,15 @@ study() {
     if [ "${DONE:-0}" = 1 ]; then
         grep -qs '"outcome": "done"' "$folder/${bed}C/summary.json" || return 0
     fi
-    "$here/temperatures.sh" "$here/scene-quick.toml" "$folder" "$bed" -- --quiet --threads 1 \
-        --set time.end=0.3 --set output.frame_interval=0.3 "${set[@]}"
+    "$here/temperatures.sh" "$here/$scene" "$folder" "$bed" -- --quiet --threads 1 "${base[@]}" \
+        --set time.end=$end --set output.frame_interval=$end "${set[@]}"
     changed=$(echo "$changed" | sed 's/.*,size=\([^}]*\).*/fluid.mesh.rectangle.holes[0].size=\1/')
-    awk -F, -v bed="$bed" -v changed="$changed" '
+    awk -F, -v bed="$bed" -v changed="$changed" -v from=$from '
         NR == 1 { for (k = 1; k <= NF; k++) column[$k] = k; next }
         { time = $column["time_s"]; depth = $column["droplet_depth_m"] }
         { absorption = $column["droplet_absorption_number"] }
         absorption > largest { largest = absorption }
-        time < 0.2 - 1e-9 { before = depth; start = time; next }
+        time < from - 1e-9 { before = depth; start = time; next }
         {
             rows++
             squares += $column["droplet_velocity_y_m_per_s"] ^ 2
@@ -80,8 +99,14 @@ study() {
                 sqrt(squares / rows), vapour / rows, lifetime / rows, solid / rows, largest
         }' "$folder/${bed}C/series.csv" >>"$table.part"
 }
-for changed in "${everything[@]}"; do study 400 "$changed"; done
-for bed in 600 300; do
-    for changed in "${edges[@]}"; do study "$bed" "$changed"; done
-done
+if [ "$form" = coarse ]; then
+    for bed in 400 600; do
+        for changed in "${full[@]}"; do study "$bed" "$changed"; done
+    done
+else
+    for changed in "${everything[@]}"; do study 400 "$changed"; done
+    for bed in 600 300; do
+        for changed in "${edges[@]}"; do study "$bed" "$changed"; done
+    done
+fi
 mv "$table.part" "$table"
