@@ -1,10 +1,11 @@
 //! What contacts cost in beds of 4 thousand to a million discs: built, from a cold start, at rest, and under an impact.
 //!
-//! `cargo bench -p voidage --bench beds -- [--sizes 4000,20000,90000] [--threads 1,2] [--impact 200] [--out DIR]` runs
-//! every bed in a process of its own and writes `beds.csv` (with the name of the machine) and `beds.png`; beds that the
-//! table in DIR has of this machine and version are not run again. `--impact` is the number of steps under the heavy
-//! disc. Discs of 44 to 55 um, dropped and rolled between rough walls, square beds up to 400 rows, friction 0.3, steps
-//! of 0.5 ms, default settings.
+//! `cargo bench -p voidage --bench beds -- [--sizes 4000,20000,90000] [--threads 1,2] [--impact 200] [--silos 1]
+//! [--out DIR]` runs every bed in a process of its own and writes `beds.csv` (with the name of the machine) and
+//! `beds.png`; beds that the table in DIR has of this machine and version are not run again. `--impact` is the number of
+//! steps under the heavy disc. Discs of 44 to 55 um, dropped and rolled between rough walls, square beds up to 400 rows,
+//! friction 0.3, steps of 0.5 ms, default settings. With several `--silos` a bed of that part of the discs settles, and
+//! so many of it stand side by side with walls between them; only what that costs at rest is measured.
 
 mod table;
 
@@ -14,7 +15,7 @@ use std::time::Instant;
 use table::{Table, entry, numbers, option};
 use voidage_campaign::plot::panels::{Curve, Panel, grid};
 use voidage_dem::packing::{Amount, Fill, Method, Radii, Region, pour, unobserved};
-use voidage_dem::{Dem, Load, Material, Particles, Settings, Vector, Wall};
+use voidage_dem::{ContactForce, Dem, Load, Material, Particles, Partner, Settings, Vector, Wall};
 
 const STEP: f64 = 5e-4;
 const DIAMETER: f64 = 50e-6;
@@ -45,13 +46,40 @@ fn resident() -> f64 {
     1024.0 * kilobytes.unwrap_or(0.0)
 }
 
-fn walls(width: f64) -> Vec<Wall<2>> {
+/// The floor under so many silos of a width, and the walls at their sides from left to right.
+fn walls(width: f64, silos: usize) -> Vec<Wall<2>> {
     let wall = |name: &str, from, to| Wall { friction: FRICTION, ..Wall::new(name, from, to) };
-    vec![
-        wall("floor", at(0.0, 0.0), at(width, 0.0)),
-        wall("left", at(0.0, 0.0), at(0.0, 1.0)),
-        wall("right", at(width, 0.0), at(width, 1.0)),
-    ]
+    let end = |silo: usize| width * silo as f64;
+    let side = |silo: usize| wall(&format!("side {silo}"), at(end(silo), 0.0), at(end(silo), 1.0));
+    std::iter::once(wall("floor", at(0.0, 0.0), at(end(silos), 0.0))).chain((0..=silos).map(side)).collect()
+}
+
+/// So many copies of a settled bed side by side, each in its silo, with the forces in it; the disc that hovers, the last
+/// grain, stays behind.
+fn copies(bed: &Dem<2>, width: f64, silos: usize) -> Dem<2> {
+    let (from, count) = (&bed.particles, bed.particles.len() - 1);
+    let of = |k: usize| (k % count, k / count);
+    let place = |k: usize| from.position[of(k).0] + at(width * of(k).1 as f64, 0.0);
+    let all = 0..count * silos;
+    let positions = all.clone().map(place).collect();
+    let radii = all.clone().map(|k| from.radius[of(k).0]).collect();
+    let grains =
+        Particles::new(positions, radii, vec![0; all.len()], bed.materials()).expect("columns of a length");
+    let mut dem =
+        Dem::new(grains.rotating(), walls(width, silos), bed.materials().to_vec(), bed.settings().clone())
+            .expect("the scene is valid");
+    let forces: Vec<ContactForce<2>> = bed.state().forces().collect();
+    let shifted = |silo: usize| {
+        let grain = move |grain: u32| grain + (silo * count) as u32;
+        let partner = move |partner| match partner {
+            Partner::Grain(other) => Partner::Grain(grain(other)),
+            Partner::Wall(0) => Partner::Wall(0),
+            Partner::Wall(side) => Partner::Wall(side + silo as u32),
+        };
+        forces.iter().map(move |f| ContactForce { grain: grain(f.grain), partner: partner(f.partner), ..*f })
+    };
+    dem.start_from(&(0..silos).flat_map(shifted).collect::<Vec<_>>());
+    dem
 }
 
 /// Times of steps, and what they took.
@@ -103,8 +131,9 @@ impl Phase {
     }
 }
 
-/// All phases of one bed.
-fn bed(count: usize, impact: usize) {
+/// All phases of one bed, or of several side by side.
+fn bed(count: usize, silos: usize, impact: usize) {
+    let (all, count) = (count, count / silos);
     let materials = vec![Material { density: 3200.0, friction: FRICTION, ..Material::default() }];
     let rows = (count as f64).sqrt().min(MOST_ROWS);
     let width = DIAMETER * (count as f64 / rows).round();
@@ -120,13 +149,25 @@ fn bed(count: usize, impact: usize) {
     let mut grains =
         pour(&region, &[], &fill, Method::DropAndRoll, &mut unobserved).expect("the region is high enough");
     let built = Phase { seconds: vec![start.elapsed().as_secs_f64()], sweeps: 0 };
-    built.print("built", count, 0.0);
+    if silos == 1 {
+        built.print("built", count, 0.0);
+    }
     let before = resident();
     let radius = 0.5 * HEAVY.min(0.25 * width / DIAMETER) * DIAMETER;
     let above = at(0.5 * width, highest(&grains) + 3.0 * radius);
     grains.append(Particles::new(vec![above], vec![radius], vec![0], &materials).expect("a disc"));
-    let mut dem = Dem::new(grains.rotating(), walls(width), materials, Settings::default())
+    let mut dem = Dem::new(grains.rotating(), walls(width, 1), materials, Settings::default())
         .expect("the scene is valid");
+    if silos > 1 {
+        Phase::of(&mut dem, SETTLING, true, true);
+        let before = resident();
+        let mut dem = copies(&dem, width, silos);
+        let rest = Phase::of(&mut dem, REST, false, false);
+        let moves = dem.particles.velocity.iter().filter(|v| **v != at(0.0, 0.0)).count();
+        assert!(moves == 0, "{moves} of {all} discs are not at rest");
+        rest.print("at rest", all, (resident() - before) / all as f64);
+        return;
+    }
     Phase::of(&mut dem, COLD, false, true).print("cold start", count, 0.0);
     Phase::of(&mut dem, SETTLING, true, true).print("settling", count, 0.0);
     let rest = Phase::of(&mut dem, REST, false, true);
@@ -144,11 +185,11 @@ fn highest(grains: &Particles<2>) -> f64 {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let impact = numbers("--impact", "200")[0];
+    let (impact, silos) = (numbers("--impact", "200")[0], numbers("--silos", "1")[0]);
     if let [count] = numbers("--bed", "0")[..]
         && count > 0
     {
-        bed(count, impact);
+        bed(count, silos, impact);
         return Ok(());
     }
     let out = PathBuf::from(option("--out", "../../target/beds").remove(0));
@@ -161,7 +202,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 continue;
             }
             let mut run = Command::new(std::env::current_exe()?);
-            run.args(["--bed", &size, "--impact", &impact.to_string()]).env("RAYON_NUM_THREADS", threads);
+            run.args(["--bed", &size, "--impact", &impact.to_string(), "--silos", &silos.to_string()])
+                .env("RAYON_NUM_THREADS", threads);
             let told = run.stderr(Stdio::inherit()).output()?;
             if !told.status.success() {
                 return Err(format!("{size} grains: {}", told.status).into());
