@@ -46,7 +46,7 @@ full=(
     nothing
     time.step=2.5e-4
     'grains[0].solidity=0.714'
-    materials.glass.density=6723
+    materials.grains.density=6723
     droplet.heat_flux=gradient
     droplet.grain_share=disc
 )

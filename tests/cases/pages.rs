@@ -97,8 +97,14 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
         "stirred-bed/scene",
         "drum/scene",
         "fed-hopper/scene",
+        "stirrer/scene",
     ] {
         let mut scene = Scene::read(&root().join("cases").join(format!("{case}.toml")), &[]).unwrap();
+        if let Some(motion) = scene.fluid.as_mut().and_then(|fluid| fluid.mesh_motion.as_mut())
+            && let Some(table) = &mut motion.table
+        {
+            table.centre = Coordinates(vec![0.02, 0.0124]);
+        }
         for group in &mut scene.grains {
             if let Placement::Deposit(deposit) = &mut group.placement {
                 deposit.settle = false;
