@@ -133,6 +133,7 @@ impl Phase {
 
 /// All phases of one bed, or of several side by side.
 fn bed(count: usize, silos: usize, impact: usize) {
+    assert!(silos > 0 && count.is_multiple_of(silos), "--silos {silos} must divide {count} discs");
     let (all, count) = (count, count / silos);
     let materials = vec![Material { density: 3200.0, friction: FRICTION, ..Material::default() }];
     let rows = (count as f64).sqrt().min(MOST_ROWS);
@@ -165,7 +166,7 @@ fn bed(count: usize, silos: usize, impact: usize) {
         let rest = Phase::of(&mut dem, REST, false, false);
         let moves = dem.particles.velocity.iter().filter(|v| **v != at(0.0, 0.0)).count();
         assert!(moves == 0, "{moves} of {all} discs are not at rest");
-        rest.print("at rest", all, (resident() - before) / all as f64);
+        rest.print(&format!("at rest in {silos} silos"), all, (resident() - before) / all as f64);
         return;
     }
     Phase::of(&mut dem, COLD, false, true).print("cold start", count, 0.0);
@@ -227,7 +228,7 @@ fn draw(path: &Path, rows: &[Vec<String>]) -> Result<(), Box<dyn std::error::Err
         ("impact", "Step under a heavy disc"),
     ] {
         let mut curves: Vec<Curve> = vec![];
-        for row in rows.iter().filter(|row| row[4] == phase) {
+        for row in rows.iter().filter(|row| row[4].starts_with(phase)) {
             let name = format!("{} thread{}", row[3], if row[3] == "1" { "" } else { "s" });
             let point = (row[2].parse()?, row[7].parse()?);
             match curves.iter_mut().find(|curve| curve.name == name) {
