@@ -47,7 +47,7 @@ pub struct Fluid {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thin_cell: Option<ThinCell>,
     /// Conditions, by the names of the boundaries. Where two boundaries meet, the later one in this list applies. Every
-    /// boundary of the mesh needs one.
+    /// boundary of the mesh needs one, but for periodic sides and the hole of a droplet.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub boundaries: Vec<Boundary>,
     /// How the equations are solved. Default: the defaults of its keys.

@@ -64,7 +64,7 @@ pub struct Scene {
     /// What the scene shows, one line. Default: empty.
     #[serde(default)]
     pub title: String,
-    /// Gravity, m/s2; its length (2 or 3) is the dimension of the scene.
+    /// Gravity, m/s2: two numbers, along x and y.
     pub gravity: Coordinates,
     /// Step and end of the run.
     pub time: Time,

@@ -99,7 +99,7 @@ pub struct Hole {
     pub radius: f64,
     /// Length of edges on the circle, m.
     pub size: f64,
-    /// How fast sizes grow with distance from the circle (no unit, 0 to 1).
+    /// How fast sizes grow with distance from the circle (no unit, 0 to 1). Default 0.2.
     #[serde(default = "default_growth")]
     pub growth: f64,
 }
@@ -112,10 +112,10 @@ pub struct Refinement {
     pub around: Place,
     /// Length of edges there, m.
     pub size: f64,
-    /// The size holds within this distance of the place, m.
+    /// The size holds within this distance of the place, m. Default 0.
     #[serde(default)]
     pub within: f64,
-    /// How fast sizes grow with distance beyond (no unit, 0 to 1).
+    /// How fast sizes grow with distance beyond (no unit, 0 to 1). Default 0.2.
     #[serde(default = "default_growth")]
     pub growth: f64,
 }
@@ -149,7 +149,7 @@ pub enum Place {
 pub struct Structured {
     /// Number of squares along x and y; each is cut into two triangles.
     pub squares: [usize; 2],
-    /// Which diagonal cuts a square.
+    /// Which diagonal cuts a square. Default `"rising"`.
     #[serde(default)]
     pub diagonals: Diagonals,
 }
