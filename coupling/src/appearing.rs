@@ -23,17 +23,27 @@ struct Change<const D: usize> {
     volume: f64,
 }
 
+/// A grain of which a part lies in the mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Cut {
+    /// Its number for life.
+    id: u32,
+    /// Its volume in the mesh, m3 (m2 in the plane).
+    volume: f64,
+    /// Whether an open boundary cuts it.
+    open: bool,
+}
+
 /// What came and went since the last accepted solution of the fluid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Appearing<const D: usize> {
     /// Grains that were put in or taken out since then.
     changes: Vec<Change<D>>,
-    /// Grains that an open boundary cut then, by their number for life, in order, with their volume in the mesh.
-    /// None before the first.
-    cut: Option<Vec<(u32, f64)>>,
+    /// Grains that were cut then, in the order of their numbers. None before the first.
+    cut: Option<Vec<Cut>>,
     /// The same now.
     #[serde(skip)]
-    now: Vec<(u32, f64)>,
+    now: Vec<Cut>,
     /// What comes in by node, m3; empty if nothing does.
     #[serde(skip)]
     nodal: Vec<f64>,
@@ -64,7 +74,7 @@ impl<const D: usize> Appearing<D> {
 
     /// A grain of this number was taken out, of which a volume was in the mesh.
     fn gone(&mut self, id: u32, change: Change<D>) {
-        self.cut.iter_mut().for_each(|cut| cut.retain(|(cut, _)| *cut != id));
+        self.cut.iter_mut().for_each(|cut| cut.retain(|cut| cut.id != id));
         if change.volume != 0.0 {
             self.changes.push(change);
         }
@@ -132,15 +142,15 @@ impl<const D: usize> Mixture<D> {
         let particles = &grains.particles;
         let (mut changes, place_of) =
             (appearing.changes.clone(), |id: u32| particles.id.binary_search(&id).ok());
-        // A grain that is cut now and was not then was whole; one that was cut then and is not now is whole, or had
-        // gone by an open boundary when it was last cut.
-        let then = appearing.cut.as_deref();
-        let known = |id: u32| then.is_none_or(|cut| cut.binary_search_by_key(&id, |cut| cut.0).is_ok());
-        let new = appearing.now.iter().filter(|(id, _)| !known(*id));
-        let moved = then.unwrap_or_default().iter().map(|(id, before)| (*id, Some(*before)));
-        for (id, before) in moved.chain(new.map(|(id, _)| (*id, None))) {
+        // What an open boundary cuts now was cut then, if not by an open one then by one that has opened, or was whole;
+        // what one cut then and none cuts now is whole, or had gone when it was last cut.
+        let (known, then) = (appearing.cut.is_some(), appearing.cut.as_deref().unwrap_or_default());
+        let before = |id: u32| then.binary_search_by_key(&id, |cut| cut.id).ok().map(|k| then[k]);
+        let new = appearing.now.iter().filter(|cut| known && cut.open);
+        let new = new.filter(|cut| before(cut.id).is_none_or(|then| !then.open));
+        for id in then.iter().filter(|cut| cut.open).chain(new).map(|cut| cut.id) {
             let Some(i) = place_of(id) else { continue };
-            let volume = load.volume[i] - before.unwrap_or(particles.volume[i]);
+            let volume = load.volume[i] - before(id).map_or(particles.volume[i], |cut| cut.volume);
             if volume != 0.0 {
                 changes.push(Change { place: particles.position[i], radius: particles.radius[i], volume });
             }
@@ -152,7 +162,7 @@ impl<const D: usize> Mixture<D> {
         Ok(())
     }
 
-    /// Finds the grains that an open boundary cuts.
+    /// Finds the grains that are cut.
     fn find_cut(&mut self) {
         let Self { grains, fluid, interaction, .. } = self;
         let (particles, volume) = (&grains.particles, &interaction.load.volume);
@@ -177,13 +187,10 @@ impl<const D: usize> Mixture<D> {
             let (x, r) = (&particles.position[i], particles.radius[i]);
             let near =
                 |[low, high]: &[Vector<D>; 2]| (0..D).all(|a| x[a] + r >= low[a] && x[a] - r <= high[a]);
-            if !(left || (volume[i] > 0.0 && boxes.iter().any(near))) {
-                continue;
-            }
-            let part = nearest_part(&fluid.mesh, x).map(|part| fluid.mesh.boundaries[part].name.as_str());
-            if part.is_some_and(open) {
-                now.push((particles.id[i], volume[i]));
-            }
+            let nearest =
+                || nearest_part(&fluid.mesh, x).map(|part| fluid.mesh.boundaries[part].name.as_str());
+            let open = (left || (volume[i] > 0.0 && boxes.iter().any(near))) && nearest().is_some_and(open);
+            now.push(Cut { id: particles.id[i], volume: volume[i], open });
         }
     }
 }

@@ -176,8 +176,9 @@ impl<const D: usize> Mixture<D> {
             let liquid = droplet.material.choices.inside.of(droplet.state.liquid / droplet.volume());
             wet.evaluate_closures(particles, (water, liquid), &droplet.state.velocity);
         }
-        if !self.interaction.sticks_below.is_empty() {
-            self.find_cohesive();
+        match self.interaction.sticks_below.is_empty() {
+            true => self.interaction.cohesive.clear(),
+            false => self.find_cohesive(),
         }
         report.phases.closure += start.elapsed().as_secs_f64();
         self.phase = Phase::Closed;
@@ -312,9 +313,9 @@ impl<const D: usize> Mixture<D> {
         };
         acting.added = &load.added;
         moved(self.grains.step(dt, &acting), start, report);
+        felt.clear();
         if let Some((_, drag)) = &steady {
             let (mean, end) = (self.grains.mean_velocity(), &self.grains.particles.velocity);
-            felt.clear();
             felt.extend((0..mean.len()).map(|i| {
                 let inertia = load.added[i] / dt;
                 let whole = drag[i] + inertia;

@@ -30,7 +30,7 @@ pub trait MeshMover<const D: usize>: Send {
     /// Puts the nodes where they are at a time, s: at a restart.
     fn place(&self, time: f64, points: &mut [Vector<D>]);
 
-    /// Moves the nodes by a step of `dt` from `time` (s).
+    /// Moves the nodes by a step of `dt` from `time` (s), at which they are where [`Self::place`] puts them.
     fn advance(&mut self, time: f64, dt: f64, points: &mut [Vector<D>]);
 
     /// Mean velocity of the nodes over the step in hand, m/s.
@@ -229,6 +229,10 @@ impl Follow {
 
 impl MeshMover<2> for Follow {
     fn place(&self, time: f64, points: &mut [Vector<2>]) {
+        // There and back by the motion is not exact, and a run that goes on from here must be.
+        if time == self.origin {
+            return points.copy_from_slice(&self.rest);
+        }
         for ((point, rest), weight) in points.iter_mut().zip(&self.rest).zip(&self.weight) {
             let carried = self.motion.carry(self.motion.uncarry(*rest, self.origin), time);
             *point = rest + (carried - rest) * *weight;

@@ -40,6 +40,8 @@ pub struct Remesher<const D: usize> {
     domain: Option<Rectangle>,
     /// Step after which the mesh was last made.
     last: u64,
+    /// Whether it was made on the way.
+    made: bool,
     /// What the transfer of the fields has changed since time zero.
     pub changed: Changed<D>,
     tools: Tools<D>,
@@ -94,7 +96,15 @@ impl Remesher<2> {
     /// Remeshes a domain with edges as long as they are now.
     pub fn new(mesh: &Mesh<2>, when: Remesh) -> Self {
         let tools = Tools { make: Mesh::<2>::fill, angle: |mesh| mesh.quality().smallest_angle };
-        Self { when, spacing: mesh.spacing(), domain: None, last: 0, changed: Changed::nothing(), tools }
+        Self {
+            when,
+            spacing: mesh.spacing(),
+            domain: None,
+            last: 0,
+            made: false,
+            changed: Changed::nothing(),
+            tools,
+        }
     }
 
     /// The same for a domain with a droplet: `domain` says how long edges should be without it.
@@ -109,7 +119,8 @@ impl<const D: usize> Fluid<D> {
         let Some(remesher) = &mut self.remesher else { return Ok(false) };
         let Remesher { when, tools, last, .. } = remesher;
         let vanishes = self.droplet.as_ref().is_some_and(|droplet| droplet.vanishes());
-        let early = self.clock.steps - *last < when.every;
+        // A restart with a longer step counts fewer of them.
+        let early = self.clock.steps.saturating_sub(*last) < when.every;
         if early && (tools.angle)(&self.mesh) >= when.angle && !vanishes {
             return Ok(false);
         }
@@ -149,7 +160,7 @@ impl<const D: usize> Fluid<D> {
             scalars: old.scalars.iter().map(|old| remeshed.carry(old)).collect(),
         };
         remesher.spacing = remeshed.carry(&remesher.spacing);
-        remesher.last = steps;
+        (remesher.last, remesher.made) = (steps, true);
         if !vanishes {
             remesher.changed.add(-1.0, &self.nodal_volume, old);
             remesher.changed.add(1.0, &remeshed.mesh.nodal_volume(), &fields);
@@ -172,7 +183,7 @@ impl<const D: usize> Fluid<D> {
     pub fn remesh_state(&self) -> Option<RemeshState<D>> {
         let remesher = self.remesher.as_ref();
         let Remesher { spacing, last, changed, .. } =
-            remesher.filter(|remesher| remesher.last > 0 || self.droplet.is_some())?;
+            remesher.filter(|remesher| remesher.made || self.droplet.is_some())?;
         let motion = match (&self.motion, &self.droplet) {
             (Some(motion), _) => motion.state(),
             (None, Some(droplet)) if !droplet.state.gone => droplet.motion(),
@@ -189,7 +200,7 @@ impl<const D: usize> Fluid<D> {
 
     fn take_remeshed(&mut self, state: RemeshState<D>) -> Result<()> {
         if let Some(remesher) = &mut self.remesher {
-            (remesher.spacing, remesher.last) = (state.spacing, state.last);
+            (remesher.spacing, remesher.last, remesher.made) = (state.spacing, state.last, true);
             remesher.changed = state.changed;
             (self.mesh, self.moved) = (state.mesh, true);
             if let Some(motion) = &mut self.motion {

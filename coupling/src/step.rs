@@ -54,6 +54,14 @@ impl<const D: usize> Coupled<D> {
     /// failed, where a scheme does a step in parts), except that the grains' hints and load columns may be those of the
     /// failed step.
     pub fn step(&mut self, dt: f64) -> Result<StepReport> {
+        let done = self.take_step(dt);
+        if done.is_err() {
+            self.place_mesh();
+        }
+        done
+    }
+
+    fn take_step(&mut self, dt: f64) -> Result<StepReport> {
         let mut report = StepReport::default();
         let waiting = self.feed(dt)?;
         self.advance_mesh(dt, &mut report)?;
@@ -61,7 +69,8 @@ impl<const D: usize> Coupled<D> {
             System::Grains(grains, clock) => {
                 let start = Instant::now();
                 report.grains = Some(grains.step(dt, &Load::default()));
-                let taken = self.passage.as_mut().map_or(vec![], |passage| passage.take(grains, |_| false));
+                let taken =
+                    self.passage.as_mut().map_or(vec![], |passage| passage.take(grains, dt, |_| false));
                 if !taken.is_empty() {
                     grains.retain(&taken.iter().map(|taken| !taken).collect::<Vec<_>>());
                 }
@@ -86,8 +95,8 @@ impl<const D: usize> Coupled<D> {
                 report.remeshed |= renewed.remeshed;
                 report.phases.remesh += renewed.phases.remesh;
                 let passage = self.passage.as_mut();
-                let taken =
-                    passage.map_or(vec![], |p| p.take(&mixture.grains, |grain| mixture.is_outside(grain)));
+                let taken = passage
+                    .map_or(vec![], |p| p.take(&mixture.grains, dt, |grain| mixture.is_outside(grain)));
                 mixture.dismiss(&taken);
             }
         }

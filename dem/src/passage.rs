@@ -174,7 +174,8 @@ impl<const D: usize> Source<D> {
         (near, radius): (&[(Vector<D>, f64)], f64),
     ) -> Option<Vector<D>> {
         let Region { low, high } = &self.region;
-        let walls: Vec<[Vector<D>; 2]> = grains.walls().iter().map(|wall| wall.at(grains.time())).collect();
+        let standing = grains.walls().iter().filter(|wall| wall.stands(grains.time()));
+        let walls: Vec<[Vector<D>; 2]> = standing.map(|wall| wall.at(grains.time())).collect();
         let period = &grains.settings().period;
         for _ in 0..TRIES {
             let mut random = self.random(2, fed.drawn);
@@ -223,10 +224,13 @@ pub struct Sink<const D: usize> {
 }
 
 impl<const D: usize> Sink<D> {
-    /// Whether it takes a grain that went from `before` to `now` in a step that ended at a time (s).
-    fn takes(&self, before: Option<&Vector<D>>, now: &Vector<D>, time: f64) -> bool {
+    /// Whether it takes a grain that went from `before` to `now` in a step of `dt` that ended at a time (s).
+    fn takes(&self, before: Option<&Vector<D>>, now: &Vector<D>, [time, dt]: [f64; 2]) -> bool {
         let [start, end] = self.during;
-        if !(start..=end).contains(&time) {
+        // Times are sums of steps. A line takes what crosses it in a step that begins when the sink does, or later.
+        let slack = 1e-9 * dt;
+        let first = if matches!(self.mouth, Mouth::Line(_)) { time - dt } else { time };
+        if first < start - slack || time > end + slack {
             return false;
         }
         match &self.mouth {
@@ -317,8 +321,8 @@ impl<const D: usize> Passage<D> {
         }
     }
 
-    /// Which grains the sinks take at the end of a step; `gone` are out of the run already. Empty if they take none.
-    pub fn take(&mut self, grains: &Dem<D>, gone: impl Fn(usize) -> bool) -> Vec<bool> {
+    /// Which grains the sinks take at the end of a step of `dt`; `gone` are out of the run already. Empty if none.
+    pub fn take(&mut self, grains: &Dem<D>, dt: f64, gone: impl Fn(usize) -> bool) -> Vec<bool> {
         self.state.taken.iter_mut().for_each(|taken| taken.last = 0.0);
         if self.sinks.is_empty() {
             return vec![];
@@ -328,7 +332,7 @@ impl<const D: usize> Passage<D> {
             let now = &particles.position[i];
             // Where the grain came from, beside where it is: it may have come in at the other side.
             let before = self.before.get(i).map(|before| grains.settings().period.image(*before, now));
-            self.sinks.iter().position(|sink| sink.takes(before.as_ref(), now, time))
+            self.sinks.iter().position(|sink| sink.takes(before.as_ref(), now, [time, dt]))
         };
         let mut marks = vec![];
         for i in (0..particles.len()).filter(|i| !gone(*i)) {
@@ -338,5 +342,30 @@ impl<const D: usize> Passage<D> {
             marks[i] = true;
         }
         marks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Times are sums of steps: the last step of a sink was left out, and a line took what had crossed it before.
+    #[test]
+    fn a_sink_takes_grains_in_the_steps_between_its_times() {
+        let [low, high] = [Vector::<2>::new(-1.0, -1.0), Vector::new(1.0, 1.0)];
+        let place = Vector::new(0.5, -0.5);
+        let taken = |mouth: Mouth<2>| {
+            let sink = Sink { name: "drain".into(), mouth, during: [0.1 + 0.1 + 0.1, 0.6] };
+            let mut time = 0.0;
+            let mut steps = vec![];
+            for step in 1..10 {
+                time += 0.1;
+                let takes = sink.takes(Some(&Vector::new(0.5, 0.5)), &place, [time, 0.1]);
+                steps.extend(takes.then_some(step));
+            }
+            steps
+        };
+        assert_eq!(taken(Mouth::Region(Region { low, high })), [3, 4, 5, 6]);
+        assert_eq!(taken(Mouth::Line([Vector::zeros(), Vector::new(1.0, 0.0)])), [4, 5, 6]);
     }
 }

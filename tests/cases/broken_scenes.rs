@@ -480,6 +480,7 @@ fn mistakes_of_a_droplet_are_named() {
         (["latent_heat = 2.257e6", "latent_heat = 0.0"], ["droplet.latent_heat = 0", "above 0"]),
         (["scalars = { vapour = 1.0 }", "scalars = { steam = 1.0 }"], ["steam", "there are: vapour"]),
         (["flow = \"open\"", "flow = \"slip\""], ["no way out", "flow = \"open\""]),
+        (["[coupling]", "[coupling]\nadded_mass = 0.5"], ["coupling.added_mass", "beside `[droplet]`"]),
         (["[droplet]", boundary], ["has a table in `[[fluid.boundaries]]`", "take that away"]),
         (
             ["boundary = \"droplet\"", "boundary = \"droplet\"\nheld = 1"],

@@ -139,6 +139,18 @@ fn how_far_a_droplet_sinks_between_held_grains_is_of_first_order_in_the_step() {
     assert!(ways[2] > 1e-5, "{ways:?}");
 }
 
+/// What stuck when the bound was taken away stuck for ever, and a run that was stopped there went on otherwise.
+#[test]
+fn contacts_stick_everywhere_when_an_event_takes_the_bound_away() {
+    let event = "events=[{time=1e-3,set=[\"coupling.cohesion_below={}\"]}]";
+    let mut run = run(&[&[event]]);
+    let cohesive = |run: &Simulation| run.coupled().interaction().expect("both").cohesive.clone();
+    steps(&mut run, 1);
+    assert!(!cohesive(&run).is_empty());
+    steps(&mut run, 4);
+    assert!(run.time() > 1e-3 && cohesive(&run).is_empty());
+}
+
 #[test]
 fn a_disc_takes_more_of_the_droplet_than_its_solid() {
     let hollow = [&ONE[..3], &["grains[0].solidity=0.476"]].concat();

@@ -344,6 +344,8 @@ fn wrong_events_are_refused() {
     refused("[{time=0.1,set=[\"materials.glas.friction=1.0\"]}]", &["events[0].set[0]", "glas"]);
     refused("[{time=0.1,set=[\"materials.glass.friction=0.3\"]}]", &["events[0].set[0]", "changes nothing"]);
     refused("[{time=0.1,set=[]}]", &["events[0].set", "empty"]);
+    // Their columns came and went, and the series failed with the step of the event.
+    refused("[{time=0.1,set=[\"sinks=[]\"]}]", &["events[0].set[0]", "sources or sinks come, go", "`start`"]);
     refused("[{time=0.0,set=[\"materials.glass.friction=0.1\"]}]", &["events[0].time"]);
     refused(
         "[{time=0.2,set=[\"materials.glass.friction=0.1\"]},{time=0.1,set=[\"materials.glass.friction=0.2\"]}]",

@@ -6,13 +6,18 @@ use voidage_scene::{Scene, Simulation};
 
 /// Grains in a box without walls for them, all of one velocity, m/s. The top is open.
 fn scene(scheme: &str, velocity: [f64; 2]) -> Scene {
+    scene_with(scheme, velocity, &[])
+}
+
+fn scene_with(scheme: &str, velocity: [f64; 2], more: &[&str]) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/scenes/moving-mesh.toml");
     let [x, y] = velocity;
-    let sets = [
+    let mut sets = vec![
         format!("coupling.scheme={scheme:?}"),
         format!("grains[0].velocity=[{x:?},{y:?}]"),
         "fluid.mesh_motion.amplitude=[1e-4,0.0]".into(),
     ];
+    sets.extend(more.iter().map(|set| (*set).to_owned()));
     Scene::read(&path, &sets).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -81,6 +86,51 @@ fn a_grain_that_leaves_through_a_wall_of_the_fluid_is_an_error_that_names_it() {
     for part in ["grain ", "lies outside of the mesh", "behind its boundary \"walls\"", "[[walls]]"] {
         assert!(error.contains(part), "{part} is not in {error}");
     }
+}
+
+/// What the added mass felt of the grains was kept when the last one had left, and the next step panicked.
+#[test]
+fn a_run_with_added_mass_goes_on_when_all_grains_have_left() {
+    for scheme in ["iterated", "anchored", "henry"] {
+        let with = ["coupling.added_mass=0.5"];
+        let mut simulation = Simulation::new(&scene_with(scheme, [0.0, 2.0], &with)).expect("a valid scene");
+        for _ in 0..60 {
+            simulation.step().expect("a step");
+        }
+        assert_eq!(reading(&simulation, "grains"), 0.0, "{scheme}");
+    }
+}
+
+/// Grains that a closed part cut were taken for whole ones when it opened: the rest of them went out at once.
+#[test]
+fn only_the_solid_that_moves_out_leaves_when_a_boundary_opens() {
+    let text = r#"
+        gravity = [0.0, 0.0]
+        time = { step = 1e-3, end = 1.0 }
+        materials.glass = { density = 2500.0 }
+        events = [{ time = 3e-3, set = ['fluid.boundaries[1].flow="open"'] }]
+        grains = [{ material = "glass", radius = 1e-3, velocity = [0.0, 0.2], placement = { lattice = { lower = [0.0, 0.018], upper = [0.02, 0.02] } } }]
+
+        [fluid]
+        density = 1.2
+        viscosity = 2e-5
+        mesh = { rectangle = { lower = [0.0, 0.0], upper = [0.02, 0.02], structured = { squares = [10, 10] }, sides = { left = "walls", right = "walls", bottom = "floor", top = "top" } } }
+        boundaries = [
+            { name = "walls", flow = "slip" },
+            { name = "top", flow = { velocity = [0.0, 0.0] } },
+            { name = "floor", flow = "open" },
+        ]
+    "#;
+    let scene = Scene::parse(Path::new("scene.toml"), text, &[]).unwrap_or_else(|error| panic!("{error}"));
+    let mut simulation = Simulation::new(&scene).expect("a valid scene");
+    let mut step = || {
+        simulation.step().expect("a step");
+        reading(&simulation, "solid_inflow_m2_per_s")
+    };
+    let closed: Vec<f64> = (0..3).map(|_| step()).collect();
+    let open: Vec<f64> = (0..3).map(|_| step()).collect();
+    assert_eq!(closed, [0.0; 3]);
+    assert!(open.windows(2).all(|two| two[1] < two[0] && two[0] < 0.7 * two[1]), "{open:?} m2/s");
 }
 
 /// A position that is no number is nearest to no part of the boundary, and could pass for one behind an open part.

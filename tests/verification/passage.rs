@@ -222,6 +222,9 @@ fn wrong_sources_and_sinks_are_refused() {
         &["no open boundary"],
     );
     refused(IN_LIQUID, &["grains[0].placement.source.upper=[0.018,0.05]"], &["outside of the fluid"]);
+    // Their forces were added up in one column.
+    let both = ["walls[0].name=\"a b\"", "walls[1].name=\"a_b\""];
+    refused(FILLS_UP, &both, &["walls[1].name", "the columns of series.csv"]);
     let without_grains = "gravity = [0.0, -9.81]\ntime = { step = 1e-3, end = 1.0 }\nsinks = [{ name = \"a\", from = [0.0, 0.0], to = [1.0, 0.0] }]\n";
     refused(without_grains, &[], &["sinks", "no grains"]);
 }

@@ -297,6 +297,30 @@ fn a_suspension_in_shear_does_not_depend_on_where_the_sides_are() {
     }
 }
 
+/// The part of a grain beyond a side was lost, and did not appear at the other.
+#[test]
+fn a_probe_sees_what_lies_beyond_a_side_at_the_other() {
+    let probe = |name: &str, from: f64, to: f64| {
+        format!("{{name=\"{name}\",box={{lower=[{from:?},0.0],upper=[{to:?},0.008]}}}}")
+    };
+    let probes = [probe("all", 0.0, 0.016), probe("left", 0.0, 0.008), probe("right", 0.008, 0.016)];
+    let sets = [format!("output.probes=[{}]", probes.join(","))];
+    let (_folder, scene) = with_grains(SUSPENSION, &sets, &[(V::new(0.0159, 0.004), 5e-4)]);
+    let mut run = Simulation::new(&scene).expect("a valid scene");
+    run.refresh().expect("fields");
+    let readings = run.readings();
+    let reading = |name: &str| readings.iter().find(|(column, _)| column == name).expect("a column").1;
+    let solid = |name: &str, area: f64| reading(&format!("probe_{name}_packing_fraction")) * area;
+    let [all, left, right] =
+        [("all", 2.0), ("left", 1.0), ("right", 1.0)].map(|(name, of)| solid(name, of * 6.4e-5));
+    assert!((all / (std::f64::consts::PI * 2.5e-7) - 1.0).abs() < 1e-12, "{all}");
+    assert!((left + right - all).abs() < 1e-12 * all && left > 0.3 * all, "{left} and {right} of {all}");
+    assert_eq!(
+        ["all", "left", "right"].map(|name| reading(&format!("probe_{name}_grains"))),
+        [1.0, 0.0, 1.0]
+    );
+}
+
 #[test]
 fn a_run_with_grains_across_the_sides_goes_on_from_its_checkpoint_bit_for_bit() {
     let (folder, scene) = with_grains(SUSPENSION, &[], &suspended(0.0));

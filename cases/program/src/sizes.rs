@@ -147,12 +147,13 @@ impl Sizes {
 
     fn grains_there(&mut self, grains: &Particles<2>) {
         let (least, most) = diameters(grains);
-        let moving = grains.mass.iter().filter(|mass| mass.is_finite());
-        let (count, mass) = (grains.len(), moving.sum::<f64>());
-        self.line(
-            "grains",
-            format!("{count}, diameter {} to {} m, mass {} kg/m", Short(least), Short(most), Short(mass)),
-        );
+        let moving: Vec<f64> = grains.mass.iter().copied().filter(|mass| mass.is_finite()).collect();
+        let weigh = match moving.is_empty() {
+            true => "held".into(),
+            false => format!("mass {} kg/m", Short(moving.iter().sum())),
+        };
+        let sizes = format!("diameter {} to {} m", Short(least), Short(most));
+        self.line("grains", format!("{}, {sizes}, {weigh}", grains.len()));
         let [lower, upper] = bounds(grains);
         self.line(
             "  they lie in",

@@ -64,6 +64,8 @@ class Boundary(Places):
         area = area_vectors(problem.points, facets)
         self.part, self.area = part.repeat(len(weight)), np.kron(area, weight[:, None])
         """Number of the condition, (q), and outward normal, (q, D)."""
+        self.place = np.einsum("qj,qji->qi", shapes, problem.points[facets].repeat(len(weight), axis=0))
+        """Where it is, m, (q, D): at a periodic side beside its own nodes, not their masters."""
         self.measure = np.linalg.norm(self.area, axis=1)
         self.voidage = self.at(step.voidage)
         self.entering = -self.voidage * np.minimum(self.through(wind), 0)
@@ -209,7 +211,7 @@ class Boundary(Places):
         fluxes, given, convected = self._sums(flux, self.part), [], []
         held_forces, held_torques = self._holding(residual)
         forces = self._sums(force, self.part) + held_forces
-        torques = self._sums(moments(self.at(self.problem.points), force), self.part) + held_torques
+        torques = self._sums(moments(self.place, force), self.part) + held_torques
         for k, scalar in enumerate(self.problem.scalars):
             (h, outside, *_), s = self._scalar(k), self.at(new.scalars[k])
             held = self.given_by_values(k, scalar_residuals[k])

@@ -4,11 +4,18 @@
 //! boundary are those of another scene from then on.
 
 use crate::changes::{LAWS, differences};
+use crate::check::sources;
 use crate::{Event, Scene};
 use voidage_coupling::error::{Notice, SceneError};
 
 /// Keys that an event may change beside [`LAWS`].
 const BY_EVENT: &[&str] = &["grains.*.placement.source", "sinks", "coupling.cohesion_below"];
+
+/// The names of all sources and sinks.
+fn passages(scene: &Scene) -> Vec<&str> {
+    let sources = sources(scene).map(|(_, _, source)| source.name.as_str());
+    sources.chain(scene.sinks.iter().map(|sink| sink.name.as_str())).collect()
+}
 
 impl Scene {
     /// The number of the step before which an event takes place: the first that starts at its time or later.
@@ -73,6 +80,13 @@ impl Scene {
                 let old = self.with(&sets).map_err(wrong)?;
                 sets.push(set.clone());
                 let new = self.with(&sets).map_err(wrong)?;
+                if passages(&old) != passages(&new) {
+                    let what =
+                        "sources or sinks come, go or change their names, and `series.csv` has their columns";
+                    let help =
+                        "give all of them from the start on, with `start` and `end` where they do not last";
+                    return Err(self.origin.error(&key, format!("`{key} = {set:?}`: {what}"), help));
+                }
                 self.check_change(&key, set, (&old, &new))?;
             }
         }

@@ -314,9 +314,10 @@ pub struct Coupling {
     pub heat: Option<HeatTransfer>,
     /// Added mass of a grain over the mass of the fluid that it displaces: 0.5 for spheres, 1 for long cylinders. It
     /// matters where the fluid is not much lighter than the grains. Not for the scheme `"explicit"`, which knows no
-    /// acceleration of the grains. Default 0.
+    /// acceleration of the grains, and not beside a droplet. Default 0.
     pub added_mass: f64,
-    /// Law of lift of grains in a fluid that shears: `"saffman-mei"`. Default: no lift.
+    /// Law of lift of grains in a fluid that shears: `"saffman-mei"`. Not beside a droplet. Default: no
+    /// lift.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lift: Option<Lift>,
     /// Values of scalars of the fluid, by name, below which contacts are cohesive (`contacts.cohesion`):

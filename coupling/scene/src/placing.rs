@@ -105,6 +105,7 @@ struct Recipe<'a> {
     mixed: Vec<(&'a scene::Grains, &'a scene::Material)>,
     contacts: &'a Option<scene::Contacts>,
     walls: Vec<Wall<2>>,
+    periodic: &'a Option<scene::Periodic>,
     gravity: f64,
 }
 
@@ -443,6 +444,7 @@ fn hash(scene: &Scene, k: usize) -> Result<String> {
         },
         contacts: &scene.contacts,
         walls: scene.walls.iter().map(|wall| build::wall(scene, wall)).collect(),
+        periodic: &scene.periodic,
         gravity: scene.gravity.vector::<2>().norm(),
     };
     let text =

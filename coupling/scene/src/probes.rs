@@ -8,6 +8,7 @@ use crate::{Probe, Scene};
 use std::collections::BTreeSet;
 use voidage_coupling::error::Result;
 use voidage_coupling::overlap::disc_in_triangle;
+use voidage_dem::Period;
 use voidage_fluid::{Mesh, Vector};
 
 type Point = Vector<2>;
@@ -82,9 +83,12 @@ fn of_fluid(fluid: &FluidView<2>, probe: &Probe, add: &mut impl FnMut(&str, f64)
 
 /// Number of the grains with their centre in a box, solid share of the box, and means over the solid in it.
 fn of_grains(grains: &GrainView<2>, [lower, upper]: [Point; 2], add: &mut impl FnMut(&str, f64)) {
-    let within = |x: &Point| (0..2).all(|k| lower[k] <= x[k] && x[k] < upper[k]);
-    let solid = |i: usize| {
-        let (centre, radius) = (grains.position[i], grains.radius[i]);
+    // What lies beyond a periodic side is at the other.
+    let images = images(&grains.period);
+    let within = |x: &Point| {
+        images.iter().any(|image| (0..2).all(|k| lower[k] <= x[k] + image[k] && x[k] + image[k] < upper[k]))
+    };
+    let area = |centre: Point, radius: f64| {
         let corner = |x: f64, y: f64| [x - centre[0], y - centre[1]];
         let [a, b, c, d] = [
             corner(lower[0], lower[1]),
@@ -93,11 +97,11 @@ fn of_grains(grains: &GrainView<2>, [lower, upper]: [Point; 2], add: &mut impl F
             corner(lower[0], upper[1]),
         ];
         let near = (0..2).all(|k| lower[k] - radius < centre[k] && centre[k] < upper[k] + radius);
-        let area = if near {
-            disc_in_triangle([a, b, c], radius) + disc_in_triangle([a, c, d], radius)
-        } else {
-            0.0
-        };
+        if near { disc_in_triangle([a, b, c], radius) + disc_in_triangle([a, c, d], radius) } else { 0.0 }
+    };
+    let solid = |i: usize| {
+        let (centre, radius) = (grains.position[i], grains.radius[i]);
+        let area: f64 = images.iter().map(|image| area(centre + image, radius)).sum();
         grains.volume[i] * area / (std::f64::consts::PI * radius * radius)
     };
     let parts: Vec<(usize, f64)> =
@@ -114,6 +118,12 @@ fn of_grains(grains: &GrainView<2>, [lower, upper]: [Point; 2], add: &mut impl F
     if let Some(temperature) = grains.temperature {
         add("grain_temperature_K", mean(&|i| temperature[i]));
     }
+}
+
+/// The ways from a grain to itself and to its images beyond the sides of a periodic domain, m.
+fn images(period: &Period<2>) -> Vec<Point> {
+    let ways = [0, 1].map(|axis| period.length(axis).map_or(vec![0.0], |length| vec![-length, 0.0, length]));
+    ways[0].iter().flat_map(|x| ways[1].iter().map(|y| Point::new(*x, *y))).collect()
 }
 
 /// Weights of nodes whose mean is that of a field over a probe, up to a common factor.

@@ -166,6 +166,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             let halves = length > 1 && !(agrees && used <= 1.0 && fits);
             if let (true, Some(accepted)) = (renews || halves, accepted) {
                 mixture.grains.rewind();
+                mixture.move_mesh(|motion, time, points| motion.place(time, points));
                 // The halves start from the last accepted fluid, not from an answer that was none.
                 mixture.interaction.at = accepted;
                 spent += agreement.solves;

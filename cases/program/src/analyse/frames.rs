@@ -221,7 +221,9 @@ impl Lens {
         let Some(path) = &moment.grains else { return Ok(seen) };
         let grains = Grains::read(path, scene)?;
         let y = grains.heights();
-        seen.layers = Some(self.layers.of(&y, &grains.velocity, &grains.radius, &grains.solid));
+        seen.layers = Some(
+            self.layers.of([&y, &grains.velocity, &grains.radius, &grains.solid], self.period.length(1)),
+        );
         let marked = (0..y.len()).filter_map(|k| Some((grains.place[k], self.kinds.is_first(&grains, k)?)));
         seen.mixing = mixing::lacey(marked, self.lower, self.cell);
         if self.upright {

@@ -61,20 +61,24 @@ impl Layers {
         self.lower + (layer as f64 + 0.5) * self.thickness
     }
 
-    /// The layers of discs: heights of their centres, velocities along the height, radii and solid volumes.
-    pub fn of(&self, y: &[f64], velocity: &[f64], radius: &[f64], solid: &[f64]) -> Vec<Layer> {
+    /// The layers of discs: heights of their centres, velocities along the height, radii and solid volumes. In a domain
+    /// that is periodic along the height, with this `period` (m), what lies beyond a side is at the other.
+    pub fn of(&self, [y, velocity, radius, solid]: [&[f64]; 4], period: Option<f64>) -> Vec<Layer> {
         let mut found = vec![Layer::default(); self.area.len()];
         let number = |place: f64| {
             ((place - self.lower) / self.thickness).clamp(0.0, self.area.len() as f64 - 1.0) as usize
         };
+        let images = period.map_or(vec![0.0], |length| vec![-length, 0.0, length]);
         for grain in 0..y.len() {
-            for layer in number(y[grain] - radius[grain])..=number(y[grain] + radius[grain]) {
-                let at = |k: usize| (self.lower + k as f64 * self.thickness - y[grain]) / radius[grain];
-                let share = (disc_below(at(layer + 1)) - disc_below(at(layer))) * solid[grain]
-                    / self.area[layer].max(f64::MIN_POSITIVE);
-                found[layer].solid += share;
-                found[layer].up += share * velocity[grain].max(0.0);
-                found[layer].down += share * (-velocity[grain]).max(0.0);
+            for place in images.iter().map(|image| y[grain] + image) {
+                for layer in number(place - radius[grain])..=number(place + radius[grain]) {
+                    let at = |k: usize| (self.lower + k as f64 * self.thickness - place) / radius[grain];
+                    let share = (disc_below(at(layer + 1)) - disc_below(at(layer))) * solid[grain]
+                        / self.area[layer].max(f64::MIN_POSITIVE);
+                    found[layer].solid += share;
+                    found[layer].up += share * velocity[grain].max(0.0);
+                    found[layer].down += share * (-velocity[grain]).max(0.0);
+                }
             }
         }
         found
@@ -114,13 +118,22 @@ mod tests {
         assert_eq!(layers.area.len(), 10);
         // One grain across two layers, one that falls.
         let (y, velocity, radius, solid) = ([0.2, 0.55], [3.0, -1.0], [0.04, 0.02], [4e-3, 1e-3]);
-        let found = layers.of(&y, &velocity, &radius, &solid);
+        let found = layers.of([&y, &velocity, &radius, &solid], None);
         let sum = |of: fn(&Layer) -> f64| found.iter().map(of).sum::<f64>() * 0.2;
         assert!((sum(|layer| layer.solid) - 5e-3).abs() < 1e-15);
         assert!(
             (sum(|layer| layer.up) - 1.2e-2).abs() < 1e-15 && (sum(|layer| layer.down) - 1e-3).abs() < 1e-15
         );
         assert!((found[1].solid - found[2].solid).abs() < 1e-15 && found[5].down > 0.0 && found[5].up == 0.0);
+    }
+
+    /// The part beyond a periodic side was lost.
+    #[test]
+    fn a_grain_in_a_periodic_side_is_in_the_layers_at_both_sides() {
+        let layers = Layers::of_box([0.0, 0.0], [2.0, 1.0], 0.1);
+        let found = layers.of([&[0.99], &[1.0], &[0.04], &[4e-3]], Some(1.0));
+        assert!((found.iter().map(|layer| layer.solid).sum::<f64>() * 0.2 - 4e-3).abs() < 1e-15);
+        assert!(found[0].up > 0.0 && found[9].up > found[0].up, "{found:?}");
     }
 
     #[test]

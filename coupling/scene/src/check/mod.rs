@@ -7,6 +7,8 @@ mod periodic;
 mod walls;
 
 use super::{Coordinates, Scene, SceneError};
+use crate::recorder::column_name;
+pub(crate) use passage::sources;
 use voidage_coupling::TEMPERATURE;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
@@ -105,11 +107,18 @@ pub(super) fn values(scene: &Scene) -> Checked {
             let message = "`coupling.added_mass` is there, and the scheme \"explicit\" knows no acceleration of the grains";
             return fail(scene, "coupling.added_mass", message, "take another scheme, or `added_mass` away");
         }
+        if scene.droplet.is_some() && (coupling.added_mass > 0.0 || coupling.lift.is_some()) {
+            let key = if coupling.lift.is_some() { "coupling.lift" } else { "coupling.added_mass" };
+            let message = format!("`{key}` is there beside `[droplet]`");
+            let help = "take one of them away: how the mesh around a droplet moves is known after the fluid is solved";
+            return fail(scene, key, message, help);
+        }
         if let Some(cut) = coupling.cut {
             positive(scene, "coupling.cut.travel", cut.travel)?;
             positive(scene, "coupling.cut.absorption", cut.absorption)?;
         }
     }
+    columns(scene)?;
     grains::check(scene)?;
     passage::check(scene)?;
     cohesion_below(scene)?;
@@ -123,6 +132,30 @@ pub(super) fn values(scene: &Scene) -> Checked {
     }
     stop(scene)?;
     output(scene)
+}
+
+/// Walls, or parts of the boundary, whose names differ have columns that do.
+fn columns(scene: &Scene) -> Checked {
+    let walls = scene.walls.iter().enumerate().map(|(i, wall)| (format!("walls[{i}].name"), wall.body()));
+    let parts = scene.fluid.iter().flat_map(|fluid| fluid.boundaries.iter().enumerate());
+    let parts = parts.map(|(i, part)| (format!("fluid.boundaries[{i}].name"), part.name.as_str()));
+    for names in [walls.collect::<Vec<_>>(), parts.collect()] {
+        let mut known: Vec<(String, &str)> = vec![];
+        for (path, name) in names {
+            let column = column_name(name);
+            match known.iter().find(|(other, _)| *other == column) {
+                None => known.push((column, name)),
+                Some((_, other)) if *other != name => {
+                    let message = format!(
+                        "`{path}`: \"{name}\" and \"{other}\" are the same in the columns of series.csv"
+                    );
+                    return fail(scene, &path, message, "give one of them another name");
+                }
+                Some(_) => {}
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Checks of what ends the run early.

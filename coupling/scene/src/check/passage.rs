@@ -6,7 +6,7 @@ use crate::{Flow, GrainSource, Grains, Placement, Radius, Rate, Scene, Sink};
 use voidage_dem::Rounded;
 
 /// The sources of a scene, each with the number of its group.
-fn sources(scene: &Scene) -> impl Iterator<Item = (usize, &Grains, &GrainSource)> {
+pub(crate) fn sources(scene: &Scene) -> impl Iterator<Item = (usize, &Grains, &GrainSource)> {
     scene.grains.iter().enumerate().filter_map(|(k, group)| match &group.placement {
         Placement::Source(source) => Some((k, group, source)),
         _ => None,
