@@ -103,7 +103,8 @@ impl<const D: usize> Comparison<'_, D> {
                 agreement.worst[place..].rotate_right(1);
                 let drag = self.load.drag[i];
                 let slip = if drag > 0.0 { force.norm() / drag } else { 0.0 };
-                (most[place], agreement.worst[place]) = (worth, Some((i as u32, velocity.norm().max(slip))));
+                (most[place], agreement.worst[place]) =
+                    (worth, Some((particles.id[i], velocity.norm().max(slip))));
             }
         }
         agreement.disagreement = share(sum, scale);

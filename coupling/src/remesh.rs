@@ -218,8 +218,10 @@ impl<const D: usize> Fluid<D> {
 impl<const D: usize> Mixture<D> {
     /// Remeshes the domain before a cell turns over.
     pub(crate) fn renew(&mut self, report: &mut StepReport) -> Result<()> {
-        self.fluid.renew(report)?;
-        self.search_again()
+        let done = self.fluid.renew(report);
+        // Also where the solver fails to take the mesh: it is that of the fluid now.
+        self.search_again()?;
+        done
     }
 
     /// Grains are looked for on the mesh of now.
@@ -236,14 +238,18 @@ impl<const D: usize> Coupled<D> {
     /// No mesh fits into its boundary; the solver cannot be reached.
     pub fn remesh(&mut self, report: &mut StepReport) -> Result<()> {
         let start = Instant::now();
-        if !self.fluid_mut().map_or(Ok(false), Fluid::remesh)? {
+        let done = self.fluid_mut().map_or(Ok(false), Fluid::remesh);
+        if let Ok(false) = done {
             return Ok(());
         }
+        // Also where the solver fails to take the mesh: it is that of the fluid now.
+        if let Some(mixture) = self.mixture_mut() {
+            mixture.search_again()?;
+        }
+        done?;
         report.remeshed = true;
         report.phases.remesh += start.elapsed().as_secs_f64();
-        let Some(mixture) = self.mixture_mut() else { return Ok(()) };
-        mixture.search_again()?;
-        mixture.cut_grains(report)
+        self.mixture_mut().map_or(Ok(()), |mixture| mixture.cut_grains(report))
     }
 
     /// Takes the mesh of a checkpoint.

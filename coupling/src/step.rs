@@ -68,14 +68,18 @@ impl<const D: usize> Coupled<D> {
         match &mut self.system {
             System::Grains(grains, clock) => {
                 let start = Instant::now();
-                report.grains = Some(grains.step(dt, &Load::default()));
-                let taken =
-                    self.passage.as_mut().map_or(vec![], |passage| passage.take(grains, dt, |_| false));
-                if !taken.is_empty() {
-                    grains.retain(&taken.iter().map(|taken| !taken).collect::<Vec<_>>());
-                }
+                let moved = grains.step(dt, &Load::default());
+                report.grains = Some(moved);
                 report.phases.contacts += start.elapsed().as_secs_f64();
-                *clock = Clock { time: clock.time + dt, steps: clock.steps + 1 };
+                // Grains of which one runs away have not moved.
+                if moved.runaway.is_none() {
+                    let taken =
+                        self.passage.as_mut().map_or(vec![], |passage| passage.take(grains, dt, |_| false));
+                    if !taken.is_empty() {
+                        grains.retain(&taken.iter().map(|taken| !taken).collect::<Vec<_>>());
+                    }
+                    *clock = Clock { time: clock.time + dt, steps: clock.steps + 1 };
+                }
             }
             System::Fluid(fluid) => {
                 if let Some(droplet) = fluid.live_droplet() {
@@ -92,6 +96,9 @@ impl<const D: usize> Coupled<D> {
             System::Mixture(mixture) => {
                 let renewed = std::mem::take(&mut report);
                 report = self.scheme.step(mixture, dt)?;
+                if let Some((grain, speed)) = report.grains.and_then(|grains| grains.runaway) {
+                    return Err(runaway(&self.system, grain, speed));
+                }
                 report.remeshed |= renewed.remeshed;
                 report.phases.remesh += renewed.phases.remesh;
                 let passage = self.passage.as_mut();

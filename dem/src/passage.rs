@@ -72,6 +72,8 @@ pub struct Fed {
     pub passed: Passed,
     /// What is due since time zero: grains, or kg (per metre of depth in the plane).
     due: f64,
+    /// Whether that is kg.
+    by_mass: bool,
     /// Time up to which it is due, s: a step that failed and is done again lets nothing in twice.
     until: f64,
     /// Grains that are due and found no place yet; of a rate by mass as many as the next one's mass goes into what is
@@ -112,6 +114,12 @@ impl<const D: usize> Source<D> {
         let rate = match self.rate {
             Rate::Grains(rate) | Rate::Mass(rate) => rate,
         };
+        let by_mass = matches!(self.rate, Rate::Mass(_));
+        if fed.by_mass != by_mass {
+            // The rate has changed its unit: what waited for a place is forgotten.
+            fed.due = if by_mass { fed.passed.mass } else { fed.passed.grains as f64 };
+            fed.by_mass = by_mass;
+        }
         fed.due += rate * (end.min(time + dt) - start.max(time).max(fed.until)).max(0.0);
         fed.until = time + dt;
         (fed.waiting, fed.passed.last) = (0, 0.0);
@@ -335,7 +343,8 @@ impl<const D: usize> Passage<D> {
             self.sinks.iter().position(|sink| sink.takes(before.as_ref(), now, [time, dt]))
         };
         let mut marks = vec![];
-        for i in (0..particles.len()).filter(|i| !gone(*i)) {
+        // Grains that are held have no mass to count, and stay.
+        for i in (0..particles.len()).filter(|i| !gone(*i) && !particles.held(*i)) {
             let Some(sink) = by(i) else { continue };
             self.state.taken[sink].add(particles.mass[i]);
             marks.resize(particles.len(), false);
@@ -349,23 +358,25 @@ impl<const D: usize> Passage<D> {
 mod tests {
     use super::*;
 
+    type V = Vector<2>;
+
     /// Times are sums of steps: the last step of a sink was left out, and a line took what had crossed it before.
     #[test]
     fn a_sink_takes_grains_in_the_steps_between_its_times() {
-        let [low, high] = [Vector::<2>::new(-1.0, -1.0), Vector::new(1.0, 1.0)];
-        let place = Vector::new(0.5, -0.5);
+        let [low, high] = [V::new(-1.0, -1.0), V::new(1.0, 1.0)];
+        let place = V::new(0.5, -0.5);
         let taken = |mouth: Mouth<2>| {
             let sink = Sink { name: "drain".into(), mouth, during: [0.1 + 0.1 + 0.1, 0.6] };
             let mut time = 0.0;
             let mut steps = vec![];
             for step in 1..10 {
                 time += 0.1;
-                let takes = sink.takes(Some(&Vector::new(0.5, 0.5)), &place, [time, 0.1]);
+                let takes = sink.takes(Some(&V::new(0.5, 0.5)), &place, [time, 0.1]);
                 steps.extend(takes.then_some(step));
             }
             steps
         };
         assert_eq!(taken(Mouth::Region(Region { low, high })), [3, 4, 5, 6]);
-        assert_eq!(taken(Mouth::Line([Vector::zeros(), Vector::new(1.0, 0.0)])), [4, 5, 6]);
+        assert_eq!(taken(Mouth::Line([V::zeros(), V::new(1.0, 0.0)])), [4, 5, 6]);
     }
 }

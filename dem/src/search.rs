@@ -436,7 +436,7 @@ impl<const D: usize> Filler<'_, D> {
         let ratio = if self.memory.h > 0.0 { scene.h / self.memory.h } else { 0.0 };
         contact.impulse = if self.from_rest { cold_start(scene, i, j, contact) } else { impulse * ratio };
         if let (Some((cohesion, kept)), Some(law)) = (glue, &scene.settings.cohesion) {
-            let age = if gap <= SKIN * 0.1 * radius[i as usize] { age } else { 0.0 };
+            let age = if gap <= SKIN * 0.1 * smaller { age } else { 0.0 };
             let glued = j & WALL == 0 && age > 0.0 && age >= law.age && scene.sticky(i) && scene.sticky(j);
             (*cohesion, *kept) = (if glued { law.force * scene.h } else { 0.0 }, age);
         }

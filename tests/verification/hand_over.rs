@@ -1,6 +1,7 @@
 //! States that start other scenes, walls that vanish, and keys that change while a run goes on.
 
 use std::path::{Path, PathBuf};
+use voidage_dem::Vector;
 use voidage_remote::launch::Host;
 use voidage_scene::recorder::{Checkpoint, Kept, Stamp};
 use voidage_scene::{Scene, Simulation};
@@ -67,7 +68,7 @@ fn scene(text: &str, sets: &[&str]) -> Scene {
 fn keep(scene: &Scene, simulation: &mut Simulation, file: &Path) {
     let (step, time) = (simulation.steps(), simulation.time());
     let stamp = Stamp { scene_hash: scene.hash().expect("a hash"), step, time };
-    let kept = Kept { averages: None, course: scene.course_toml().expect("a text") };
+    let kept = Kept { averages: None, slow_since: None, course: scene.course_toml().expect("a text") };
     Checkpoint::write(file, &stamp, &simulation.state().expect("a state"), &kept).expect("a file");
 }
 
@@ -323,6 +324,46 @@ fn an_event_does_what_a_restart_with_its_changes_does() {
             same(&again, &straight);
         }
     }
+}
+
+/// Grains that are held went on with the velocities of their file.
+#[test]
+fn fixed_grains_of_a_file_stay_where_they_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("floor.csv"), "x,y,r,vx,vy\n0.0,0.0,1e-3,0.1,0.2\n").expect("a file");
+    let text = r#"
+        gravity = [0.0, -9.81]
+        time = { step = 1e-3, end = 1.0 }
+        materials.glass = { density = 2500.0 }
+        grains = [{ material = "glass", fixed = true, placement = { csv = { file = "floor.csv" } } }]
+    "#;
+    let read = |sets: &[String]| Scene::parse(&folder.path().join("scene.toml"), text, sets);
+    let mut run = Simulation::new(&read(&[]).expect("a valid scene")).expect("a valid scene");
+    (0..3).for_each(|_| assert!(run.step().is_ok()));
+    assert_eq!(run.coupled().grains().expect("grains").particles.position[0], Vector::<2>::zeros());
+    let error = read(&["grains[0].velocity=[0.1,0.0]".into()]).expect_err("both").to_string();
+    assert!(error.contains("grains[0].velocity") && error.contains("never move"), "{error}");
+}
+
+/// It changed one piece of the ring, or another wall behind it.
+#[test]
+fn an_event_changes_all_pieces_of_a_ring() {
+    let text = r#"
+        gravity = [0.0, -9.81]
+        time = { step = 1e-3, end = 1.0 }
+        materials.glass = { density = 2500.0, friction = 0.3 }
+        grains = [{ material = "glass", radius = 1e-3, placement = { lattice = { lower = [-0.01, -0.01], upper = [0.01, 0.01] } } }]
+        walls = [
+            { name = "drum", friction = 0.3, ring = { centre = [0.0, 0.0], radius = 0.02, pieces = 12 } },
+            { name = "shelf", friction = 0.3, from = [-0.005, -0.015], to = [0.005, -0.015] },
+        ]
+        events = [{ time = 2e-3, set = ["walls.0.friction=0.5", "walls.shelf.friction=0.7"] }]
+    "#;
+    let mut run = Simulation::new(&scene(text, &[])).expect("a valid scene");
+    (0..4).for_each(|_| assert!(run.step().is_ok()));
+    let friction: Vec<f64> =
+        run.coupled().grains().expect("grains").walls().iter().map(|w| w.friction).collect();
+    assert_eq!(friction, [[0.5; 12].as_slice(), &[0.7]].concat());
 }
 
 #[test]

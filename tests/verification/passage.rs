@@ -191,6 +191,20 @@ fn a_line_takes_who_crosses_it_within_its_ends_and_its_times() {
     }
 }
 
+/// What was due in grains was taken for kilograms, and the source filled its box.
+#[test]
+fn a_source_whose_rate_changes_its_unit_goes_on_at_the_new_rate() {
+    let slow = FILLS_UP.replace("rate = { grains = 1000.0 }", "rate = { grains = 200.0 }");
+    for (rate, more) in [("{mass=0.1}", 1.0), ("{grains=100.0}", 10.0)] {
+        let event = format!("events=[{{time=0.1,set=[\"grains.0.placement.source.rate={rate}\"]}}]");
+        let mut simulation = Simulation::new(&scene(&slow, &[&event])).expect("a valid scene");
+        for _ in 0..200 {
+            simulation.step().expect("a step");
+        }
+        assert_eq!(reading(&simulation, "source_feed_grains"), 20.0 + more, "{rate}");
+    }
+}
+
 #[test]
 fn wrong_sources_and_sinks_are_refused() {
     let refused = |text: &str, sets: &[&str], parts: &[&str]| {

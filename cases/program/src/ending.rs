@@ -39,6 +39,8 @@ pub struct Ending {
     started: Instant,
     /// Time spent on states, and on the last of them, s.
     spent: (f64, f64),
+    /// Whether the checkpoint is of a later step than the state that is kept.
+    outdated: bool,
 }
 
 impl Ending {
@@ -50,6 +52,7 @@ impl Ending {
             saved: Arc::default(),
             started: Instant::now(),
             spent: (0.0, 0.0),
+            outdated: false,
         };
         let watcher = ending.clone();
         std::thread::spawn(move || watcher.watch());
@@ -75,10 +78,15 @@ impl Ending {
         }
     }
 
-    /// Keeps a state for an interrupt, if there is none yet or time enough has passed since the last.
+    /// A checkpoint has been written, and the state that is kept must not take its place.
+    pub fn outdate(&mut self) {
+        self.outdated = true;
+    }
+
+    /// Keeps a state for an interrupt, if there is none yet, or the last is outdated, or time enough has passed since.
     pub fn keep(&mut self, state: impl FnOnce() -> Saved) {
         let (all, last) = self.spent;
-        if all > 0.0 && all + last > SHARE * self.started.elapsed().as_secs_f64() {
+        if !self.outdated && all > 0.0 && all + last > SHARE * self.started.elapsed().as_secs_f64() {
             return;
         }
         let start = Instant::now();
@@ -86,6 +94,7 @@ impl Ending {
         *self.saved.lock().unwrap_or_else(PoisonError::into_inner) = Some(state);
         let now = start.elapsed().as_secs_f64().max(1e-9);
         self.spent = (all + now, now);
+        self.outdated = false;
     }
 
     /// Waits for an interrupt, and for the run to answer it; then ends the process itself.

@@ -299,6 +299,7 @@ impl Run {
         );
         let stamp = Stamp { scene_hash: hash, step: simulation.steps(), time: simulation.time() };
         let autosave = scene.output.checkpoint_interval.is_none().then(Instant::now);
+        let watch = Watch::new(scene.stop.as_ref(), recording.slow_since);
         Ok(Run {
             simulation,
             recording,
@@ -306,7 +307,7 @@ impl Run {
             summary,
             last: scene.time.steps(),
             until: until_step,
-            watch: Watch::new(scene.stop.as_ref()),
+            watch,
             ending,
             autosave,
             started,
@@ -325,6 +326,9 @@ impl Run {
                 return Ok(Ended::Interrupted);
             }
             let report = self.simulation.step()?;
+            let (time, wall) = (self.simulation.time(), self.started.elapsed().as_secs_f64());
+            let stopped = self.watch.after_step(time, || self.simulation.unrest(), wall);
+            self.recording.slow_since = self.watch.slow_since();
             let reached = self.record()?;
             let step = self.simulation.steps();
             for remark in self.simulation.remarks() {
@@ -336,9 +340,7 @@ impl Run {
                 contacts: report.grains.map_or(0, |grains| grains.contacts),
                 residual: report.residual(),
             });
-            let (time, wall) = (self.simulation.time(), self.started.elapsed().as_secs_f64());
-            let stopped = self.watch.after_step(time, || self.simulation.fastest(), wall).or(reached);
-            if let Some(why) = stopped.filter(|_| step < self.last) {
+            if let Some(why) = stopped.or(reached).filter(|_| step < self.last) {
                 return Ok(Ended::Stopped(why));
             }
         }
@@ -384,6 +386,7 @@ impl Run {
         } else if let Some(last) = self.autosave.filter(|last| last.elapsed() > AUTOSAVE) {
             self.stamp = Stamp { step, time, ..self.stamp.clone() };
             self.recording.checkpoint(&self.stamp, &self.simulation.last_state())?;
+            self.ending.outdate();
             self.autosave = Some(last + last.elapsed());
         }
         self.output_s += start.elapsed().as_secs_f64();
@@ -394,6 +397,7 @@ impl Run {
         self.stamp.step = self.simulation.steps();
         self.stamp.time = self.simulation.time();
         let state = self.simulation.state()?;
+        self.ending.outdate();
         self.recording.checkpoint(&self.stamp, &state)
     }
 

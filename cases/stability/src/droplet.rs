@@ -266,7 +266,7 @@ fn change_size(target: f64, share: f64) -> Result<Sample> {
         }
         let Some(droplet) = droplet(&mut system) else { break };
         let state = &droplet.state;
-        missing = missing.max((droplet.first - state.boiled - state.liquid).abs() / droplet.first);
+        missing = missing.max((state.first - state.boiled - state.liquid).abs() / state.first);
         let there = if target < 1.0 { state.radius <= target } else { state.radius >= target };
         if there || tally.steps > 2000 || !state.radius.is_finite() {
             break;

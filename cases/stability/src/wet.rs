@@ -315,7 +315,7 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
         } else {
             f64::INFINITY
         };
-        let water = (droplet.first - state.boiled - state.liquid).abs() / droplet.first;
+        let water = (state.first - state.boiled - state.liquid).abs() / state.first;
         defect = defect.max(water);
         if fastest > RUNAWAY * (speed + blown) {
             return Ok(Sample::new(Verdict::Unstable, fastest / (speed + blown), 1.0, tally));

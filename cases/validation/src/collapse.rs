@@ -156,7 +156,7 @@ impl Column {
         let place = PathBuf::from(format!("cases/validation/packing-{}.toml", self.name));
         let scene = Scene::parse(&place, self.packing, changes)?;
         let mut simulation = Simulation::new(&scene)?;
-        let mut watch = Watch::new(scene.stop.as_ref());
+        let mut watch = Watch::new(scene.stop.as_ref(), None);
         while simulation.time() < scene.time.end {
             simulation.step()?;
             if watch.after_step(simulation.time(), || simulation.fastest(), 0.0).is_some() {
@@ -165,7 +165,7 @@ impl Column {
         }
         let file = folder.join("packing.voidage");
         let stamp = Stamp { scene_hash: scene.hash()?, step: simulation.steps(), time: simulation.time() };
-        let kept = Kept { averages: None, course: scene.course_toml()? };
+        let kept = Kept { averages: None, slow_since: None, course: scene.course_toml()? };
         Checkpoint::write(&file, &stamp, &simulation.state()?, &kept)?;
         let grains = simulation.view().grains;
         let height = grains.map_or(f64::NAN, |grains| 2.0 * grains.mean(|i| grains.position[i].y));

@@ -346,12 +346,19 @@ def serve(
     """
     solver, communicator = make(), _communicator()
     first = communicator is None or communicator.rank == 0
-    peer = Peer(address, type(solver).__name__, wait=wait, token=token) if first else None
-    setup = peer.setup if first else None
-    if first and alone:
+    peer = setup = None
+    try:
+        if first:
+            peer = Peer(address, type(solver).__name__, wait=wait, token=token)
+            setup = peer.setup
+    finally:
+        # Other ranks wait for this, also where there is no run and the first rank says so.
+        if communicator is not None:
+            setup = communicator.bcast(setup)
+    if setup is None:
+        return
+    if peer is not None and alone:
         peer.end_with_run()
-    if communicator is not None:
-        setup = communicator.bcast(setup)
     ranks = Ranks(Driver(solver, setup), communicator)
     if not first:
         ranks.follow()

@@ -3,6 +3,7 @@
 
 use super::{Coordinates, MeshSource, Ring, Scene, SceneError, Wall};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use voidage_fluid::{Mesh, Vector};
 
 /// Both ends of straight walls.
@@ -17,18 +18,20 @@ impl Scene {
     pub(super) fn lay_walls(&mut self) -> Result<(), Box<SceneError>> {
         let follow = self.walls.iter().any(|wall| wall.along.is_some());
         let mesh = if follow { Some(self.mesh_of_walls()?) } else { None };
-        let mut laid = Vec::new();
+        let (mut laid, mut pieces) = (Vec::new(), Vec::new());
         for (i, wall) in self.walls.iter().enumerate() {
             let (lines, body) = match (&wall.along, &mesh, &wall.ring) {
                 (Some(name), Some(mesh), _) => (self.lines_along(mesh, name, i)?, wall.body.clone()),
                 // A ring is one body, whose parts are of no interest one by one.
                 (_, _, Some(ring)) => (corners(ring), Some(wall.body().to_owned())),
                 _ => {
+                    pieces.push((wall.name.clone(), laid.len()..laid.len() + 1));
                     laid.push(wall.clone());
                     continue;
                 }
             };
             let count = lines.len();
+            pieces.push((wall.name.clone(), laid.len()..laid.len() + count));
             laid.extend(lines.into_iter().enumerate().map(|(k, [from, to])| Wall {
                 name: if count == 1 { wall.name.clone() } else { format!("{}-{}", wall.name, k + 1) },
                 from: Coordinates(from.as_slice().to_vec()),
@@ -40,6 +43,9 @@ impl Scene {
             }));
         }
         self.walls = laid;
+        for event in &mut self.events {
+            event.set = event.set.iter().flat_map(|set| for_pieces(set, &pieces)).collect();
+        }
         Ok(())
     }
 
@@ -66,6 +72,22 @@ impl Scene {
             self.origin.error("fluid.mesh", message, "give a mesh of triangles with named boundaries")
         })
     }
+}
+
+/// A change of a wall as it was asked for, as changes of its pieces; `pieces` has their numbers by wall.
+fn for_pieces(set: &str, pieces: &[(String, Range<usize>)]) -> Vec<String> {
+    let of_wall = |rest: &str| -> Option<Vec<String>> {
+        let (which, rest) = match rest.strip_prefix('[') {
+            Some(rest) => rest.split_once(']').map(|(which, rest)| (which, rest.to_owned()))?,
+            None => {
+                rest.strip_prefix('.')?.split_once('.').map(|(which, rest)| (which, format!(".{rest}")))?
+            }
+        };
+        let named = || pieces.iter().find(|(name, _)| name == which);
+        let (_, numbers) = which.parse().map_or_else(|_| named(), |number: usize| pieces.get(number))?;
+        Some(numbers.clone().map(|number| format!("walls[{number}]{rest}")).collect())
+    };
+    set.strip_prefix("walls").and_then(of_wall).unwrap_or_else(|| vec![set.to_owned()])
 }
 
 /// The sides of a ring, anticlockwise from the right.

@@ -231,6 +231,13 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
             },
             ..f
         }));
+        if placed.heat.is_some() && scene.grains[k].temperature.is_none() {
+            let path = format!("grains[{k}].placement");
+            let message =
+                format!("`{path}`: the file has temperatures (T), but the group has no `temperature`");
+            let help = "give it one, and those of the file are taken, or take the column away";
+            return Err(scene.error(&path, message, help));
+        }
         // Columns of a file go before the values of the group.
         let at_rest = placed.velocity.iter().all(|v| v.norm() == 0.0);
         if scene.grains[k].temperature.is_some() {
@@ -255,6 +262,8 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
             }
             if group.fixed {
                 placed.mass[i] = f64::INFINITY;
+                placed.velocity[i] = Vector::zeros();
+                turning.spin[first as usize + i] = 0.0;
             }
         }
         all.append(placed);

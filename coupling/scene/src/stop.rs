@@ -52,9 +52,14 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Begins to watch.
-    pub fn new(stop: Option<&Stop>) -> Self {
-        Self { stop: stop.cloned().unwrap_or_default(), slow_since: None }
+    /// Begins to watch a run; one that goes on has had no fast grain since a time, s.
+    pub fn new(stop: Option<&Stop>, slow_since: Option<f64>) -> Self {
+        Self { stop: stop.cloned().unwrap_or_default(), slow_since }
+    }
+
+    /// Time since which no grain has been faster than allowed, s; none if one is, or nobody asks.
+    pub fn slow_since(&self) -> Option<f64> {
+        self.slow_since
     }
 
     /// After a step: why the run ends at `time`, s, if it does; `speed` is that of the fastest grain, m/s, `wall` the
@@ -90,23 +95,27 @@ mod tests {
     #[test]
     fn grains_are_at_rest_when_they_have_been_slow_for_long_enough() {
         let stop = Stop { at_rest: Some(AtRest { speed: 0.1, during: 0.2 }), ..Stop::default() };
-        let mut watch = Watch::new(Some(&stop));
+        let mut watch = Watch::new(Some(&stop), None);
         let speeds =
             [(0.0, 0.0), (0.1, 0.05), (0.15, 0.2), (0.2, 0.05), (0.3, f64::NAN), (0.4, 0.0), (0.55, 0.1)];
         assert!(speeds.iter().all(|(time, speed)| watch.after_step(*time, || *speed, 0.0).is_none()));
-        assert!(watch.after_step(0.65, || 0.1, 0.0).unwrap().starts_with("stop.at_rest"));
+        // A run that is stopped and goes on does not begin to count anew.
+        let mut again = Watch::new(Some(&stop), watch.slow_since());
+        for watch in [&mut watch, &mut again] {
+            assert!(watch.after_step(0.65, || 0.1, 0.0).unwrap().starts_with("stop.at_rest"));
+        }
     }
 
     #[test]
     fn values_and_wall_time_end_a_run() {
         let value = Some(Reached { column: "x".into(), above: Some(1.0), below: Some(-1.0) });
-        let mut watch = Watch::new(Some(&Stop { value, wall_time: Some(5.0), ..Stop::default() }));
+        let mut watch = Watch::new(Some(&Stop { value, wall_time: Some(5.0), ..Stop::default() }), None);
         let row = |x: f64| vec![("time_s".into(), 9.0), ("x".into(), x)];
         assert_eq!(
             [0.0, 1.0, 2.0, -2.0, f64::NAN].map(|x| watch.after_row(&row(x)).is_some()),
             [false, false, true, true, false]
         );
         assert!(watch.after_step(0.0, || 0.0, 4.9).is_none() && watch.after_step(0.0, || 0.0, 5.0).is_some());
-        assert!(Watch::new(None).after_row(&row(9.0)).is_none());
+        assert!(Watch::new(None, None).after_row(&row(9.0)).is_none());
     }
 }

@@ -77,6 +77,8 @@ pub struct DropletState<const D: usize> {
     pub radius: f64,
     /// Liquid V_f, m2.
     pub liquid: f64,
+    /// The same at time zero.
+    pub first: f64,
     /// Volume of vapour that left it in the last step, m2/s.
     pub vapour: f64,
     /// Force of the gas on it in the last step, N/m.
@@ -128,8 +130,6 @@ pub struct Droplet<const D: usize> {
     pub boundary: String,
     /// What it is made of.
     pub material: Material<D>,
-    /// Liquid at time zero, m2.
-    pub first: f64,
     /// Velocity at time zero, m/s.
     pub launched: Vector<D>,
     /// Where it is.
@@ -196,6 +196,7 @@ impl Droplet<2> {
             velocity,
             radius: found,
             liquid: std::f64::consts::PI * radius * radius,
+            first: std::f64::consts::PI * radius * radius,
             vapour: 0.0,
             force: Vector::zeros(),
             heat: 0.0,
@@ -208,7 +209,6 @@ impl Droplet<2> {
         };
         let mut droplet = Self {
             boundary: boundary.into(),
-            first: state.liquid,
             launched: velocity,
             material,
             state,
@@ -263,7 +263,7 @@ impl<const D: usize> Droplet<D> {
             return Vector::zeros();
         }
         let DropletState { velocity, impulse, ledger, .. } = &self.state;
-        let started = self.launched * (self.material.water.density * self.first);
+        let started = self.launched * (self.material.water.density * self.state.first);
         velocity * self.mass() + ledger.vapour + impulse - started - ledger.impulse
     }
 

@@ -154,7 +154,7 @@ impl<const D: usize> Droplet<D> {
     pub(crate) fn stop(&mut self, mesh: &Mesh<D>, dt: f64) -> bool {
         let state = &self.state;
         let radius = self.surface.reach() * state.radius;
-        let reach = radius + LEAST_GAP * (self.first / std::f64::consts::PI).sqrt();
+        let reach = radius + LEAST_GAP * (self.state.first / std::f64::consts::PI).sqrt();
         let others = mesh.boundaries.iter().filter(|part| part.name != self.boundary);
         let mut worst = (0.0, Vector::zeros(), 0.0);
         for facet in others.flat_map(|part| part.facets.chunks_exact(D)) {
@@ -186,7 +186,7 @@ impl<const D: usize> Droplet<D> {
 
     /// The same with so much liquid left, and so much that boils in a step, m2.
     fn is_little(&self, liquid: f64, boils: f64) -> bool {
-        let little = liquid < (VANISHES * self.first).max(2.0 * boils);
+        let little = liquid < (VANISHES * self.state.first).max(2.0 * boils);
         little || self.state.radius < SMALLEST * self.immersion.widest
     }
 
@@ -351,7 +351,7 @@ impl<const D: usize> Droplet<D> {
     /// Makes room for grains that are in it at time zero, of a volume, m2: its radius stays, and there is less liquid.
     pub(crate) fn hold(&mut self, volume: f64) {
         self.state.liquid -= volume;
-        self.first -= volume;
+        self.state.first -= volume;
     }
 }
 

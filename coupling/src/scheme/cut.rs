@@ -150,21 +150,30 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             if length < most {
                 mixture.move_mesh(|motion, time, points| motion.advance(time, part.dt, points));
             }
-            let accepted = (length > 1 || moves_mesh).then(|| {
+            if length > 1 || moves_mesh {
                 mixture.grains.save();
-                mixture.interaction.at.clone()
-            });
-            let mut agreement = self.scheme.solve(mixture, part, &mut report)?;
+            }
+            let accepted = mixture.interaction.at.clone();
+            let mut agreement = match self.scheme.solve(mixture, part, &mut report) {
+                Ok(agreement) => agreement,
+                Err(error) => {
+                    mixture.interaction.at = accepted;
+                    return Err(error);
+                }
+            };
+            // Grains of which one runs away have not moved.
+            let runs_away = report.grains.is_some_and(|grains| grains.runaway.is_some());
             let (moved, absorbed) = mixture.droplet_reach(part.dt);
             agreement.travel = agreement.travel.max(moved);
             // How much of what a part may do this one has done.
             let used = (agreement.travel / travel).max(absorbed / absorption);
-            let fits = mixture.turns_over(part.dt)?.is_none();
+            let turned = mixture.turns_over(part.dt);
+            let fits = matches!(turned, Ok(None));
             // Before a cell turns over the domain is remeshed, once, and the part done again.
-            let renews = !fits && !renewed;
-            let agrees = agreement.converged || !self.scheme.repeats();
+            let renews = matches!(turned, Ok(Some(_))) && !renewed;
+            let agrees = !runs_away && (agreement.converged || !self.scheme.repeats());
             let halves = length > 1 && !(agrees && used <= 1.0 && fits);
-            if let (true, Some(accepted)) = (renews || halves, accepted) {
+            if renews || halves {
                 mixture.grains.rewind();
                 mixture.move_mesh(|motion, time, points| motion.place(time, points));
                 // The halves start from the last accepted fluid, not from an answer that was none.
@@ -177,6 +186,18 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
                     length /= 2;
                 }
                 continue;
+            }
+            if runs_away || !fits {
+                // Nothing of this part is accepted.
+                mixture.interaction.at = accepted;
+                if moves_mesh {
+                    mixture.grains.rewind();
+                }
+                return match turned {
+                    Ok(None) => Ok(report),
+                    Ok(Some(place)) => Err(mixture.fluid.too_far(part.dt, &place)),
+                    Err(error) => Err(error),
+                };
             }
             renewed = false;
             let agreement = self.scheme.settle(mixture, part, agreement);

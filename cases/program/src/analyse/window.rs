@@ -27,10 +27,8 @@ impl Window {
             Some(average) if average.from < last => [average.from, average.to],
             _ => [0.5 * (first + last), last],
         };
-        let window = match (from, to) {
-            (None, None) => Window { from: usual[0].max(first), to: usual[1].min(last) },
-            _ => Window { from: from.unwrap_or(first), to: to.unwrap_or(last) },
-        };
+        let window =
+            Window { from: from.unwrap_or(usual[0].max(first)), to: to.unwrap_or(usual[1].min(last)) };
         // Written so that what is no number fails.
         if !(window.from < window.to && window.from <= last && window.to >= first) {
             let what = format!("--from {} --to {}: the run has no such window", window.from, window.to);
@@ -101,6 +99,27 @@ mod tests {
         assert_eq!(even(&[0.0, 0.1, 0.2, 0.25, 0.3, 0.4]), Err(3));
         assert_eq!(even(&[0.0, 0.1, 0.2, 0.4, 0.5]), Err(3));
         assert!(even(&[0.5]).unwrap().step.is_nan() && even(&[]).unwrap().rows.is_empty());
+    }
+
+    /// With one option alone the other end was that of the run.
+    #[test]
+    fn an_end_that_is_not_given_is_that_of_the_average() {
+        let text = r#"
+            gravity = [0.0, -9.81]
+            time = { step = 1e-3, end = 10.0 }
+            materials.glass = { density = 2500.0 }
+            grains = [{ material = "glass", radius = 1e-3, placement = { lattice = { lower = [0.0, 0.0], upper = [0.01, 0.01] } } }]
+            output.average = { from = 2.0, to = 4.0, cell = 1e-3 }
+        "#;
+        let scene = Scene::parse(std::path::Path::new("scene.toml"), text, &[]).unwrap();
+        let window = |from: Option<f64>, to: Option<f64>| {
+            let Window { from, to } = Window::new([from, to], &scene, [0.0, 10.0]).unwrap();
+            [from, to]
+        };
+        assert_eq!(window(None, None), [2.0, 4.0]);
+        assert_eq!(window(Some(3.0), None), [3.0, 4.0]);
+        assert_eq!(window(None, Some(5.0)), [2.0, 5.0]);
+        assert_eq!(window(Some(5.0), Some(9.0)), [5.0, 9.0]);
     }
 
     #[test]

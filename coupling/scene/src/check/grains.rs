@@ -93,6 +93,15 @@ fn check_group(scene: &Scene, path: &str, group: &Grains) -> Checked {
             "take it away: all grains of the file are used",
         );
     }
+    if group.fixed && group.velocity.is_some() {
+        let message = format!("`{path}.velocity` is there, but `{path}.fixed = true`");
+        return fail(
+            scene,
+            &format!("{path}.velocity"),
+            message,
+            "take one of them away: fixed grains never move",
+        );
+    }
     if group.fixed
         && matches!(group.placement, Placement::Deposit(_) | Placement::With(_) | Placement::Source(_))
     {

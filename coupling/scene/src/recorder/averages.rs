@@ -1,6 +1,7 @@
 //! Time averages of packing fraction and grain velocity on a regular grid.
 
 use super::files::write_whole;
+use crate::Average;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -13,6 +14,8 @@ const SHARES: usize = 32;
 /// Sums over the samples taken so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Averages {
+    /// What was asked for: begin, end and time between samples (zero: every step), s, and side of a square, m.
+    asked: [f64; 4],
     lower: [f64; 2],
     /// Sides of a square along x and y, m: the asked one, fitted to the box.
     cell: [f64; 2],
@@ -25,17 +28,27 @@ pub struct Averages {
 }
 
 impl Averages {
-    /// A grid over a box, m, of squares with about this side, m.
-    pub fn new(lower: [f64; 2], upper: [f64; 2], cell: f64) -> Self {
+    /// A grid over a box, m, of squares with about the side that is asked for.
+    pub fn new(lower: [f64; 2], upper: [f64; 2], asked: &Average) -> Self {
+        let Average { from, to, cell, interval } = *asked;
+        let asked = [from, to, interval.unwrap_or(0.0), cell];
         let count = [0, 1].map(|axis| ((upper[axis] - lower[axis]) / cell).round().max(1.0) as usize);
         let cell = [0, 1].map(|axis| (upper[axis] - lower[axis]) / count[axis] as f64);
         let squares = count[0] * count[1];
-        Averages { lower, cell, count, samples: 0, solid: vec![0.0; squares], flux: vec![[0.0; 2]; squares] }
+        Averages {
+            asked,
+            lower,
+            cell,
+            count,
+            samples: 0,
+            solid: vec![0.0; squares],
+            flux: vec![[0.0; 2]; squares],
+        }
     }
 
-    /// Whether another one has the same grid.
-    pub(super) fn same_grid(&self, other: &Averages) -> bool {
-        (self.lower, self.cell, self.count) == (other.lower, other.cell, other.count)
+    /// Whether the same was asked for. The box may have moved since, with a mesh or with grains.
+    pub(super) fn asked_as(&self, other: &Averages) -> bool {
+        self.asked == other.asked
     }
 
     /// Number of samples taken.

@@ -25,6 +25,8 @@ pub const FAILED: &str = "failed.voidage";
 pub struct Kept {
     /// The averages so far.
     pub averages: Option<Averages>,
+    /// Time since which no grain has been faster than `stop.at_rest` allows, s.
+    pub slow_since: Option<f64>,
     /// What decides the course of the run, [`Scene::course_toml`].
     pub course: String,
 }
@@ -70,6 +72,8 @@ pub struct Recording {
     fluid: Collection,
     contacts: Collection,
     averages: Option<Averages>,
+    /// What goes to [`Kept::slow_since`].
+    pub slow_since: Option<f64>,
 }
 
 impl Recording {
@@ -94,6 +98,7 @@ impl Recording {
             None => drop(recording.record(0, 0.0, view, readings)?),
             Some(from) => recording.frame(from.stamp.step, from.stamp.time, view)?,
         }
+        recording.slow_since = slow_since(checkpoint)?;
         Ok(recording)
     }
 
@@ -114,7 +119,8 @@ impl Recording {
         let contacts = Collection::resume(&at("contacts.pvd"), time)?;
         folder.reopen(|frame| grains.has(frame) || fluid.has(frame) || contacts.has(frame))?;
         let averages = kept_averages(scene, view, Some(checkpoint))?;
-        let recording = Recording::new(folder, scene, series, [grains, fluid, contacts], averages)?;
+        let mut recording = Recording::new(folder, scene, series, [grains, fluid, contacts], averages)?;
+        recording.slow_since = slow_since(Some(checkpoint))?;
         recording.write_averages()?;
         Ok(recording)
     }
@@ -139,6 +145,7 @@ impl Recording {
             fluid,
             contacts,
             averages,
+            slow_since: None,
         })
     }
 
@@ -225,7 +232,7 @@ impl Recording {
 
     /// What a checkpoint has of this run beside the state of the simulation.
     pub fn kept(&self) -> Kept {
-        Kept { averages: self.averages.clone(), course: self.course.clone() }
+        Kept { averages: self.averages.clone(), slow_since: self.slow_since, course: self.course.clone() }
     }
 
     /// Writes the checkpoint, and the averages so far.
@@ -261,7 +268,13 @@ impl Recording {
     }
 }
 
-/// The averages to go on with: those of the checkpoint, where they are of the same grid.
+fn slow_since(checkpoint: Option<&Checkpoint>) -> Result<Option<f64>> {
+    let Some(checkpoint) = checkpoint else { return Ok(None) };
+    let kept: Kept = checkpoint.recorder()?;
+    Ok(kept.slow_since)
+}
+
+/// The averages to go on with: those of the checkpoint, if the scene asks for the same.
 fn kept_averages<const D: usize>(
     scene: &Scene,
     view: &View<D>,
@@ -271,7 +284,7 @@ fn kept_averages<const D: usize>(
     let Some(checkpoint) = checkpoint else { return Ok(fresh) };
     let kept: Kept = checkpoint.recorder()?;
     Ok(match (fresh, kept.averages) {
-        (Some(fresh), Some(kept)) if kept.same_grid(&fresh) => Some(kept),
+        (Some(fresh), Some(kept)) if kept.asked_as(&fresh) => Some(kept),
         (fresh, _) => fresh,
     })
 }
@@ -323,7 +336,7 @@ pub fn check_averages<const D: usize>(scene: &Scene, view: &View<D>) -> Result<(
 fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Result<Option<Averages>> {
     check_averages(scene, view)?;
     let grid = scene.output.average.as_ref().zip(extent(scene, view));
-    Ok(grid.map(|(average, [lower, upper])| Averages::new(lower, upper, average.cell)))
+    Ok(grid.map(|(average, [lower, upper])| Averages::new(lower, upper, average)))
 }
 
 /// The corners of the fluid, or of all walls, or of all grains; along a periodic axis the sides.

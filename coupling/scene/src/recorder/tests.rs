@@ -1,6 +1,7 @@
 //! Round trips of the files.
 
 use super::*;
+use crate::Average;
 use nalgebra::Vector2;
 use std::fs;
 use voidage_dem::Period;
@@ -130,7 +131,8 @@ fn checkpoints_read_back_and_refuse_damage_and_other_scenes() {
 fn averages_keep_the_solid_area_and_the_velocity() {
     let sides = Period::new([Some([0.0, 1.0]), None]).unwrap();
     for (place, period) in [(0.47, Period::default()), (0.05, sides)] {
-        let mut averages = Averages::new([0.0, 0.0], [1.0, 2.0], 0.1);
+        let mut averages =
+            Averages::new([0.0, 0.0], [1.0, 2.0], &Average { from: 0.0, to: 1.0, cell: 0.1, interval: None });
         let (position, velocity) = (Vector2::new(place, 1.01), Vector2::new(0.5, -2.0));
         for _ in 0..3 {
             averages.sample(&[position], &[velocity], &[0.2], &[0.1], &period);

@@ -340,6 +340,13 @@ impl Simulation {
         grains.iter().map(|velocity| velocity.norm()).fold(0.0, f64::max)
     }
 
+    /// The same for whether grains are at rest: no number while a source has yet to begin.
+    pub fn unrest(&self) -> f64 {
+        let sources = self.coupled.passage.iter().flat_map(|passage| &passage.sources);
+        let waits = sources.map(|source| source.during[0]).any(|start| start >= self.time());
+        if waits { f64::NAN } else { self.fastest() }
+    }
+
     /// What the recorder writes; the voidage as of the last [`Self::refresh`].
     pub fn view(&self) -> View<'_, 2> {
         let grains = self.coupled.grains().map(|grains| {

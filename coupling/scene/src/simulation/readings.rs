@@ -210,7 +210,7 @@ fn droplet_readings(droplet: &Droplet<2>, (dt, surface): (f64, f64), readings: &
         ("droplet_absorption_number".into(), droplet.absorption * dt),
         ("droplet_volume_defect_m2".into(), state.volume),
         ("droplet_water_defect_kg_per_m".into(), {
-            material.water.density * (droplet.first - state.boiled - state.liquid)
+            material.water.density * (state.first - state.boiled - state.liquid)
         }),
         ("droplet_momentum_defect_x_N_s_per_m".into(), missed.x),
         ("droplet_momentum_defect_y_N_s_per_m".into(), missed.y),
