@@ -170,7 +170,7 @@ fn a_series_without_frames_is_analysed() {
         &["out", "--spectrum", "nothing"],
         &["no such column", "it has mean_grain_temperature_K, pressure_drop_Pa"],
     );
-    refused(folder.path(), &["out", "--from", "0", "--spectrum", "other"], &["1 of its 401 rows"]);
+    refused(folder.path(), &["out", "--from", "0", "--spectrum", "other"], &["1 of its 41 rows"]);
     let constant = ["out", "--from", "0", "--spectrum", "min_grain_temperature_K"];
     refused(folder.path(), &constant, &["constant"]);
     // Rows that are missing are not filled.

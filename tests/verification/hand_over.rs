@@ -138,7 +138,8 @@ fn a_state_starts_another_scene_with_all_that_grains_have() {
 #[test]
 fn a_state_of_grains_alone_starts_a_bed_in_a_fluid_with_any_scheme() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (file, _) = left_behind(folder.path(), 200);
+    let (file, bed) = left_behind(folder.path(), 400);
+    assert!(bed.fastest() < 1e-3, "{} m/s: the bed has not come to rest", bed.fastest());
     let fluid = r#"
 [fluid]
 density = 1.2
