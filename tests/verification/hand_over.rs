@@ -158,13 +158,13 @@ mesh.rectangle = { lower = [0.0, -1e-6], upper = [0.03, 0.06], size = 4e-3, side
         let scheme = format!("coupling.scheme={scheme:?}");
         let mut simulation =
             Simulation::new(&scene(&text, &[sets[0], sets[1], &scheme])).expect("a valid scene");
-        for _ in 0..20 {
+        for _ in 0..60 {
             simulation.step().unwrap_or_else(|error| panic!("{scheme}: {error}"));
         }
         fell.push(simulation.fastest());
     }
-    // A bed that had come to rest stays so under a weak stream.
-    assert!(fell.iter().all(|speed| *speed < 5e-3), "{fell:?}");
+    // A bed that had come to rest does so again under a weak stream, in which single grains find other holes.
+    assert!(fell.iter().all(|speed| *speed < 1e-6), "{fell:?}");
 }
 
 #[test]
