@@ -36,7 +36,8 @@ pub struct Summary {
     pub nodes: usize,
     /// Number of cells of the fluid mesh.
     pub cells: usize,
-    /// Largest overlap of grains with each other and with walls over the radius, of all steps.
+    /// Largest overlap of grains with each other and with walls over the radius, of all steps of this process, as are
+    /// all counts and defects that follow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_penetration_over_radius: Option<f64>,
     /// Steps with an overlap above 5 % of a radius.
