@@ -200,9 +200,17 @@ impl System {
         self.with(py, |held| Ok(GrainState(held.mixture.grains.state())))
     }
 
-    /// Puts the grains back to a state taken before.
+    /// Puts the grains back to a state taken before in this step. RuntimeError if grains have come or gone since.
     fn restore_grains(&self, py: Python<'_>, state: &GrainState) -> PyResult<()> {
-        self.with(py, |held| Ok(held.mixture.grains.restore(state.0.clone())?))
+        self.with(py, |held| {
+            let grains = &mut held.mixture.grains;
+            if state.0.particles.id != grains.particles.id {
+                return Err(Error::run(
+                    "the state is of other grains: take it in the step in which it is restored",
+                ));
+            }
+            Ok(grains.restore(state.0.clone())?)
+        })
     }
 
     /// Columns of the grains.

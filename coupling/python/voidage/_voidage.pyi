@@ -190,7 +190,8 @@ class System:
     def grain_state(self) -> GrainState:
         """The grains as they are now, to come back to."""
     def restore_grains(self, state: GrainState) -> None:
-        """Puts the grains back to a state taken before."""
+        """Puts the grains back to a state taken before in this step. RuntimeError if grains have
+        come or gone since."""
     @property
     def grains(self) -> Columns:
         """Columns of the grains, as those of a simulation."""
