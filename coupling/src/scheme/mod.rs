@@ -22,7 +22,7 @@ pub mod relaxation;
 
 use self::cut::{Cut, Cutting};
 use self::iterated::{Iterated, Iteration};
-use crate::agreement::{Agreement, Comparison};
+use crate::agreement::{Agreement, Comparison, Temperatures};
 use crate::droplet::wet::Stream;
 use crate::{Interaction, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
@@ -121,8 +121,16 @@ fn agreement<const D: usize>(mixture: &Mixture<D>, dt: f64) -> Agreement {
     let (grains, Interaction { load, at, laws, force, .. }) = (&mixture.grains, &mixture.interaction);
     let velocity = &grains.particles.velocity;
     let comparison = Comparison { grains, load, density: laws.density, dt, force };
-    let agreement = comparison.motion(|i| {
+    let mut agreement = comparison.motion(|i| {
         ((load.expected(at, i) - velocity[i]) * load.drag[i], load.expected_in_flux(at, i) - velocity[i])
     });
+    if let (Some(law), Some(heat)) = (&load.heat, &grains.particles.heat) {
+        let all = at.temperature.iter().chain(&heat.temperature);
+        let bounds =
+            all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(*t), high.max(*t)));
+        let temperatures = Temperatures { bounds, tolerance: mixture.interaction.heat_tolerance };
+        agreement.heat_disagreement =
+            temperatures.disagreement(law, |i| law.missed(at, heat.temperature[i], i));
+    }
     Agreement { converged: Iteration::default().accepts(&agreement), ..agreement }
 }
