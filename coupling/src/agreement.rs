@@ -1,5 +1,6 @@
 //! How far grains and fluid are from each other at the end of a step, and what is carried to the next.
 
+use crate::exchange::AtGrains;
 use crate::load::{GrainLoad, HeatLoad};
 use crate::{Interaction, Notice};
 use serde::{Deserialize, Serialize};
@@ -130,6 +131,13 @@ pub struct Temperatures {
 }
 
 impl Temperatures {
+    /// Those of grains and of the fluid at them.
+    pub fn of<const D: usize>(at: &AtGrains<D>, grains: &[f64], tolerance: f64) -> Self {
+        let all = at.temperature.iter().chain(grains);
+        let bounds = all.fold((f64::MAX, f64::MIN), |(low, high), t| (low.min(*t), high.max(*t)));
+        Self { bounds, tolerance }
+    }
+
     /// Weighs the heat that the fluid did not lose (W, by grain) against hA times the range of temperatures.
     ///
     /// It is the difference of two numbers of the size of hA T. One of them comes from an equation whose terms have the

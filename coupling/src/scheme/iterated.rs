@@ -165,11 +165,9 @@ fn agreement<const D: usize>(mixture: &Mixture<D>, Part { dt, whole }: Part) -> 
     let mut agreement = comparison
         .motion(|i| (late(i) + interaction.missed(felt[i], i), interaction.missed_in_flux(moved[i], i)));
     if let (Some(law), Some(heat)) = (&load.heat, &grains.particles.heat) {
-        let all = at.temperature.iter().chain(&heat.temperature);
-        let bounds = all.fold((f64::MAX, f64::MIN), |(low, high), t| (low.min(*t), high.max(*t)));
         let (warmed, late) =
             (grains.mean_temperature(), |i: usize| carried.map_or(0.0, |carried| carried.heat[i] / whole));
-        let temperatures = Temperatures { bounds, tolerance: interaction.heat_tolerance };
+        let temperatures = Temperatures::of(at, &heat.temperature, interaction.heat_tolerance);
         agreement.heat_disagreement =
             temperatures.disagreement(law, |i| late(i) + law.missed(at, warmed[i], i));
     }

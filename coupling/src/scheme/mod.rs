@@ -125,10 +125,7 @@ fn agreement<const D: usize>(mixture: &Mixture<D>, dt: f64) -> Agreement {
         ((load.expected(at, i) - velocity[i]) * load.drag[i], load.expected_in_flux(at, i) - velocity[i])
     });
     if let (Some(law), Some(heat)) = (&load.heat, &grains.particles.heat) {
-        let all = at.temperature.iter().chain(&heat.temperature);
-        let bounds =
-            all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(*t), high.max(*t)));
-        let temperatures = Temperatures { bounds, tolerance: mixture.interaction.heat_tolerance };
+        let temperatures = Temperatures::of(at, &heat.temperature, mixture.interaction.heat_tolerance);
         agreement.heat_disagreement =
             temperatures.disagreement(law, |i| law.missed(at, heat.temperature[i], i));
     }
