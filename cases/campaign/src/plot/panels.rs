@@ -206,7 +206,11 @@ fn bounds(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
     if low > high {
         return (0.0, 1.0);
     }
-    let least = if log { 1.0 } else { 1e-6 * high.abs().max(low.abs()).max(1e-300) };
+    let least = match high.abs().max(low.abs()) {
+        _ if log => 1.0,
+        0.0 => 1.0,
+        size => 1e-6 * size,
+    };
     let span = (high - low).max(least);
     let middle = 0.5 * (low + high);
     (middle - 0.56 * span, middle + 0.56 * span)

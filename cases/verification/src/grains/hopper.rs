@@ -183,6 +183,10 @@ fn run(effort: Effort, rolling: f64, allowed: f64) -> Result<Outcome> {
     let expected = beverloo(&openings.iter().map(|w| (*w, law(constants, *w))).collect::<Vec<_>>());
     let off = |(w, q): &(f64, f64)| (q / law(constants, *w) - 1.0).abs();
     let worst = points.iter().map(off).fold(0.0, f64::max);
+    let title = match rolling {
+        0.0 => "Flow out of a silo".into(),
+        _ => format!("Flow out of a silo, resistance to rolling {rolling}"),
+    };
     let panel = Panel {
         curves: vec![
             Curve::line(
@@ -191,7 +195,7 @@ fn run(effort: Effort, rolling: f64, allowed: f64) -> Result<Outcome> {
             ),
             Curve::points("one silo each", points),
         ],
-        ..Panel::log_log("Flow out of a silo", "opening W / d", "discs per \u{221a}(d/g)")
+        ..Panel::log_log(title, "opening W / d", "discs per \u{221a}(d/g)")
     };
     let name = format!("exponent of (W - k d) with k free, scatter {scatter:.3}");
     Ok(Outcome {
