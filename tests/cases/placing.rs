@@ -52,9 +52,12 @@ fn a_bed_is_reported_and_kept_until_something_about_it_changes() {
     run(folder.path(), SCENE, &[]);
     assert_eq!(fs::read(folder.path().join("out/checkpoint.voidage")).ok(), end);
     // Something does, or the table was spoilt.
-    for set in
-        ["walls.slope.friction=0.1", "materials.glass.friction=0.2", "grains[0].placement.deposit.seed=2"]
-    {
+    for set in [
+        "walls.slope.friction=0.1",
+        "materials.glass.friction=0.2",
+        "grains[0].placement.deposit.seed=2",
+        "periodic={ x = [0.0, 0.01] }",
+    ] {
         let said = run(folder.path(), SCENE, &["--set", set]);
         assert!(!said.contains("kept"), "{set}: {said}");
     }

@@ -52,15 +52,28 @@ def solve() -> tuple[np.ndarray, np.ndarray]:
     return nodal, np.array(passing)
 
 
-def test_two_ranks_find_what_one_finds(tmp_path):
-    pytest.importorskip("dolfinx")
+def on_two_ranks(*arguments: object, **options) -> subprocess.CompletedProcess:
+    """Runs Python with these arguments on two ranks."""
     if shutil.which("mpirun") is None:
         pytest.skip("there is no mpirun")
     root = ["--allow-run-as-root"] if os.geteuid() == 0 else []
-    command = ["mpirun", *root, "--oversubscribe", "-n", "2", sys.executable, __file__, tmp_path]
+    command = ["mpirun", *root, "--oversubscribe", "-n", "2", sys.executable, *arguments]
     env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_"))}
     env |= {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    subprocess.run(command, check=True, timeout=120, env=env)
+    return subprocess.run(command, timeout=120, env=env, **options)
+
+
+def test_all_ranks_end_where_there_is_no_run():
+    pytest.importorskip("mpi4py")
+    arguments = ["-m", "voidage.adapter", "voidage.dummy:Dummy", "--connect", "tcp:127.0.0.1:1"]
+    ended = on_two_ranks(*arguments, "--wait", "0.5", capture_output=True, text=True)
+    assert ended.returncode != 0
+    assert "voidage.adapter: " in ended.stderr
+
+
+def test_two_ranks_find_what_one_finds(tmp_path):
+    pytest.importorskip("dolfinx")
+    on_two_ranks(__file__, tmp_path, check=True)
     one = solve()
     for rank in range(2):
         two = np.load(tmp_path / f"{rank}.npz")

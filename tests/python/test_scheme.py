@@ -200,6 +200,18 @@ def test_a_scheme_must_accept_once():
         scheme.system.cut_grains()
 
 
+@pytest.mark.parametrize(
+    ("setting", "key"),
+    [
+        ("coupling.cut={ travel = 0.1 }", "coupling.cut"),
+        ("events=[{ time = 2e-3, set = ['coupling.scheme=\"lagged\"'] }]", "events"),
+    ],
+)
+def test_keys_that_only_schemes_with_names_heed_were_ignored(setting, key):
+    with pytest.raises(ValueError, match=f"`{key}` .* the scheme is one of your own"):
+        voidage.Simulation(BED, [setting], scheme=Henry())
+
+
 def test_a_scheme_works_on_its_system_and_not_on_the_simulation():
     class Greedy(Henry):
         def step(self, system, dt):

@@ -460,6 +460,7 @@ fn a_uniform_stream_stays_uniform_on_a_mesh_moved_by_any_mover() {
 fn a_moving_mesh_is_where_it_was_after_a_restart() {
     is_where_it_was_after_a_restart(&swinging_bed(&[]));
     is_where_it_was_after_a_restart(&swinging_bed(&["fluid.mesh_motion.remesh.every=2"]));
+    is_where_it_was_after(&swinging_bed(&["fluid.mesh_motion.remesh.every=1"]), 1);
 }
 
 /// A checkpoint of the step that has remeshed, and one of the step after it.

@@ -237,6 +237,9 @@ fn build(
 ) -> voidage_coupling::Result<voidage_scene::Simulation> {
     let host = Host::default();
     let host = Host { log: log.unwrap_or(host.log), ..host };
+    if scheme.is_some() {
+        scene.check_own_scheme()?;
+    }
     let checkpoint = restart.map(|file| Checkpoint::read(file, &scene.hash()?)).transpose()?;
     let mut simulation = match &checkpoint {
         None => voidage_scene::Simulation::hosted(scene, &host)?,

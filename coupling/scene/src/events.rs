@@ -3,6 +3,7 @@
 //! An event does what a restart with other keys does, without the stop: the laws of grains, walls, exchange and
 //! boundary are those of another scene from then on.
 
+use crate::build::other_scheme;
 use crate::changes::{LAWS, differences};
 use crate::check::sources;
 use crate::{Event, Scene};
@@ -43,6 +44,28 @@ impl Scene {
             self.origin.error("events", what, help)
         };
         Scene::parse(self.origin.file(), &bare.to_toml().map_err(unwritten)?, sets)
+    }
+
+    /// Checks of a scene whose steps a scheme of one's own does, in place of the one that it names.
+    ///
+    /// # Errors
+    /// The scene asks for what only the named schemes do: steps in parts, or another scheme at some time.
+    pub fn check_own_scheme(&self) -> Result<(), Box<SceneError>> {
+        let wrong = |key: &str, what: &str, help| {
+            Err(self.origin.error(key, format!("`{key}` {what}, but the scheme is one of your own"), help))
+        };
+        if self.coupling.as_ref().is_some_and(|coupling| coupling.cut.is_some()) {
+            let help = "leave it out, and divide the step in `step(system, dt)` of the scheme";
+            return wrong("coupling.cut", "divides the steps of the schemes that have names", help);
+        }
+        if other_scheme(self, &self.before_step(u64::MAX)?) {
+            return wrong(
+                "events",
+                "change the scheme",
+                "leave `coupling.scheme` and its options out of them",
+            );
+        }
+        Ok(())
     }
 
     /// Checks of the events: their times, and that each changes what may change.
