@@ -190,7 +190,7 @@ impl<const D: usize> Problem<D> {
                 // From a cold start impulses may grow for a while before their error is seen.
                 corrections.allowed = !corrections.diverged && stopping.short_runs.is_some();
             }
-            if last || stall.found(&outcome) && solved.is_none() {
+            if last || L::FRICTION && stall.found(&outcome) && solved.is_none() {
                 break;
             }
             let most = if solved.is_some() { 1.0 } else { DIVERGED / corrections.before.min(1.0) };
