@@ -301,24 +301,6 @@ fn averages_of_another_window_begin_anew_after_a_restart() {
     assert_ne!(averages("more"), averages("out"));
 }
 
-/// The fluid of a step in which a grain ran away was kept, and the grains were those before it.
-#[test]
-fn what_is_left_of_a_run_whose_grain_runs_away_is_of_one_time() {
-    let folder = folder();
-    let series = |out: &str| fs::read_to_string(folder.path().join(out).join("series.csv")).unwrap();
-    good(folder.path(), &["--out", "straight", "--until", "0.02"]);
-    let gust = "fluid.boundaries.inflow.flow.superficial_velocity=[0.0, 1e9]";
-    let event = format!("events=[{{ time = 0.01, set = ['{gust}'] }}]");
-    let (code, said) = run(folder.path(), &["--out", "out", "--until", "0.02", "--set", &event]);
-    assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("grain") && said.contains("m/s"), "{said}");
-    good(folder.path(), &["--out", "more", "--restart", "out/failed.voidage", "--until", "0.02"]);
-    let (straight, more) = (series("straight"), series("more"));
-    let first = more.lines().nth(1).unwrap().split(',').next().unwrap();
-    let rest: Vec<&str> = straight.lines().skip_while(|row| !row.starts_with(&format!("{first},"))).collect();
-    assert_eq!(more.lines().skip(1).collect::<Vec<_>>(), rest);
-}
-
 #[test]
 fn a_run_stops_where_the_scene_says() {
     let folder = folder();

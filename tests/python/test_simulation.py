@@ -214,3 +214,18 @@ def test_one_file_serves_python_of_debian_and_of_a_virtual_environment():
         for python in (sys.executable, debian)
     ]
     assert len(printed[0]) > 1000 and printed[0] == printed[1]
+
+
+@pytest.mark.parametrize("scheme", ["explicit", "henry", "lagged"])
+def test_the_fluid_of_a_step_in_which_a_grain_ran_away_was_kept(scheme):
+    simulation = voidage.Simulation(BED, scheme=scheme)
+    simulation.run(until=5e-3)
+    before = {name: np.array(simulation.fluid[name]) for name in simulation.fluid.keys()}
+    velocity = np.array(simulation.grains["velocity"])
+    velocity[0] = [0.0, 1e8]
+    simulation.grains["velocity"] = velocity
+    with pytest.raises(RuntimeError, match="grain 0 would go at"):
+        simulation.step()
+    assert simulation.steps == 5
+    for name, values in before.items():
+        assert np.array_equal(simulation.fluid[name], values), name
