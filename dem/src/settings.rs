@@ -44,8 +44,7 @@ pub struct Settings<const D: usize> {
     /// because errors would let the grains creep. A grain whose contacts take all that forces bring but a share of
     /// [`Self::rest`] stays where it is.
     pub tolerance: f64,
-    /// Sweeps per sub-step at most; a step that needs more is reported as not converged, and so is one whose sweeps end
-    /// before because they bring no lower error.
+    /// Sweeps per sub-step at most; a step that needs more is reported as not converged.
     pub max_sweeps: usize,
     /// Share of its radius that a grain may cross in a sub-step.
     pub max_travel: f64,

@@ -6,8 +6,7 @@
 //! sees by how sweeps still change the velocities ([`trend`]). The problem is solved when that energy is below a share
 //! of the energy of what the sub-step changes of the velocities (at rest, of a part of the energy that the contacts
 //! have to do with), and no contact closes so fast that it would become an overlap that matters. Between runs the
-//! corrections are made: the number of sweeps then hardly depends on the height of a stack. Sweeps that wander between
-//! velocities that obey the laws of the contacts about equally well end ([`stall`]).
+//! corrections are made: the number of sweeps then hardly depends on the height of a stack.
 //!
 //! **What was compared.** Stacks of N discs, and random beds of 8,000 to 40,000 discs with friction, from a cold start.
 //! The column of the bed has the energy of the velocity error, over that of a free fall, after so many sweeps:
@@ -47,7 +46,6 @@ use trend::Trend;
 
 mod awake;
 mod runs;
-mod stall;
 mod tiles;
 mod trend;
 

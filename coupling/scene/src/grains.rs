@@ -515,7 +515,7 @@ pub struct Contacts {
     /// 0.02.
     pub tolerance: f64,
     /// Largest number of sweeps of the contact solver in a sub-step. A step in which they are not enough is counted as
-    /// not converged. So is one in which they end before because more of them bring no lower error. Default 1000.
+    /// not converged. Default 1000.
     pub max_sweeps: usize,
     /// Whether contacts that the sweeps leave unsolved are solved by an interior-point method. It is for grains whose
     /// masses lie far apart and for friction above one, up to 10,000 grains, and is not allowed with resistance to

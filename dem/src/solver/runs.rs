@@ -27,7 +27,6 @@
 //! Corrections also take what sweeps have changed of the impulses times such factors. As a measure these would claim
 //! errors that are none: where friction or cohesion are at their limits they lead out of the law.
 
-use super::stall::Stall;
 use super::{Grains, Look, Outcome, Problem, Stopping};
 use crate::contact::Law;
 use crate::momentum::Momentum;
@@ -72,7 +71,7 @@ const HELPED: f64 = 0.9;
 const LONGEST_PAUSE: usize = 64;
 /// Error above which no correction waits, and share of it that is smooth from which none does: the measure still grows
 /// with the impulses.
-pub(super) const SEEN: f64 = 0.5;
+const SEEN: f64 = 0.5;
 const GROWING: f64 = 1e-2;
 /// Error above which the changes of the impulses belong to the measure and the corrections.
 const NEAR: f64 = 1e-6;
@@ -153,14 +152,13 @@ impl<const D: usize> Problem<D> {
         let mut solved = None;
         // A solved problem before it is corrected.
         let mut kept: Option<Outcome> = None;
-        let mut stall = Stall::default();
         for run in 0.. {
             let count = RUNS[run.min(RUNS.len() - 1)].min(stopping.max_sweeps - outcome.sweeps);
             let due = corrections.due(run);
             let column = due && solved.is_none() && (run == 0 || outcome.error > NEAR);
             self.run::<L>(outcome.sweeps..outcome.sweeps + count, strong, column, &mut pace);
             let last = outcome.sweeps + count == stopping.max_sweeps;
-            let measure = match due || corrections.made || last || stall.suspected() {
+            let measure = match due || corrections.made || last {
                 true => Measure::Always,
                 // Grains at rest are not solved by their warm start, and not far from it: eight sweeps cost less.
                 false if run == 0 => Measure::IfSettled,
@@ -190,7 +188,7 @@ impl<const D: usize> Problem<D> {
                 // From a cold start impulses may grow for a while before their error is seen.
                 corrections.allowed = !corrections.diverged && stopping.short_runs.is_some();
             }
-            if last || L::FRICTION && stall.found(&outcome) && solved.is_none() {
+            if last {
                 break;
             }
             let most = if solved.is_some() { 1.0 } else { DIVERGED / corrections.before.min(1.0) };
