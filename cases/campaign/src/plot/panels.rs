@@ -207,9 +207,8 @@ fn bounds(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
         return (0.0, 1.0);
     }
     let least = match high.abs().max(low.abs()) {
-        _ if log => 1.0,
-        0.0 => 1.0,
-        size => 1e-6 * size,
+        size if !log && size > 0.0 => 1e-6 * size,
+        _ => 1.0,
     };
     let span = (high - low).max(least);
     let middle = 0.5 * (low + high);
