@@ -373,7 +373,7 @@ class Campaign:
         self.same(out)
 
     def hostile(self) -> None:
-        """A fluid solver that greets well and then sends wrong frames ends the run with an error."""
+        """A fluid solver that identifies itself correctly and then sends wrong messages ends the run with an error."""
         run, port, _ = self.attached()
         welcome = False
         with self.line(run, port) as line:
@@ -485,7 +485,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--program", type=Path, default=Path("target/release/voidage"))
     parser.add_argument("--count", type=int, help="how often each is tried")
-    parser.add_argument("--share", type=float, default=1.0, help="of the full campaign, which takes some hours")
+    parser.add_argument("--share", type=float, default=1.0, help="of the full campaign of 4,389 trials")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     rows, wrong = campaign(given.program, given.count or given.share, given.seed)
