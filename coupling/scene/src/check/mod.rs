@@ -1,9 +1,12 @@
 //! What a scene must satisfy beyond its types. Every error names the key, the value and what is allowed.
 
+mod contacts;
 mod fluid;
 mod grains;
+mod overlap;
 mod passage;
 mod periodic;
+mod placement;
 mod walls;
 
 use super::{Coordinates, Scene, SceneError};
@@ -120,6 +123,8 @@ pub(super) fn values(scene: &Scene) -> Checked {
     }
     columns(scene)?;
     grains::check(scene)?;
+    contacts::check(scene)?;
+    placement::check(scene)?;
     passage::check(scene)?;
     cohesion_below(scene)?;
     if scene.coupling.as_ref().is_some_and(|coupling| coupling.heat.is_some()) {
