@@ -10,6 +10,7 @@ pub mod build;
 mod changes;
 mod check;
 pub mod compare;
+mod contacts;
 pub mod document;
 mod droplet;
 mod edit;
@@ -30,17 +31,18 @@ mod stop;
 #[cfg(test)]
 mod tests;
 pub mod totals;
+mod walls;
 
 pub use changes::Change;
+pub use contacts::{Contacts, Pair};
 pub use droplet::{Droplet, Liquid};
 pub use fluid::{
     Boundary, Coupling, Flow, Fluid, FluidHeat, FluidScalar, FluidSolver, HeatBoundary, LinearMethod,
     MeshMotion, MeshSource, ScalarBoundary, ThinCell, ThinCellHeat,
 };
 pub use grains::{
-    Amount, Arrangement, By, Contacts, Deposit, GrainSource, Grains, GrainsFile, Lattice, LogNormal,
-    Material, Method, Motion, MotionTable, Oscillation, Pair, Placement, Radius, RandomBox, Rate, Ring,
-    RosinRammler, Rotation, Sieve, Sink, StateFile, Wall,
+    Amount, Arrangement, By, Deposit, GrainSource, Grains, GrainsFile, Lattice, LogNormal, Material, Method,
+    Placement, Radius, RandomBox, Rate, RosinRammler, Sieve, Sink, StateFile,
 };
 pub use origin::Origin;
 pub use output::{Average, Output, PressureDrop, Probe, ProbeBox, ProbeLine};
@@ -52,6 +54,7 @@ pub use voidage_coupling::error::{Location, SceneError};
 pub use voidage_dem::{Cohesion, Conduction};
 pub use voidage_fluid::transport::Form;
 pub use voidage_remote::solver::{Backend, Solver, Transport};
+pub use walls::{Motion, MotionTable, Oscillation, Ring, Rotation, Wall};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
