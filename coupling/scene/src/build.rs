@@ -278,7 +278,7 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
             (rotation.spin, rotation.angle) = (turning.spin, turning.angle);
         }
     }
-    forces.extend(placing::contacts_of_states(scene, &numbers)?);
+    forces.extend(placing::state::contacts_of_states(scene, &numbers)?);
     let mut dem = Dem::new(all, walls, materials, settings(scene, &contacts))?;
     if !forces.is_empty() {
         dem.start_from(&forces);

@@ -2,16 +2,17 @@
 
 use crate as scene;
 use crate::build;
-use crate::recorder::{self, Checkpoint, create_folder, write_whole};
 use crate::{Coordinates, Placement, Scene};
 use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use voidage_coupling::error::{Error, Notice, Result};
+use voidage_coupling::error::{Error, Result};
 use voidage_dem::packing::{self, Amount, By, Fill, Progress, Radii, Region, Settled, SizeLaw};
-use voidage_dem::{ContactForce, Material, Particles, Partner, Settings, Vector, Wall};
+use voidage_dem::{ContactForce, Material, Particles, Settings, Wall};
+
+mod cache;
+pub(crate) mod state;
 
 /// Told the number of the group and how far its placement is, many times a second; may end it.
 pub type Observer<'a> = dyn FnMut(usize, Progress) -> ControlFlow<()> + 'a;
@@ -67,48 +68,6 @@ pub(crate) struct Placed {
     pub before: Vec<u32>,
 }
 
-/// What is kept beside the tables of a bed.
-#[derive(Serialize, Deserialize)]
-struct Kept {
-    /// Hash of all that determines the bed.
-    hash: String,
-    /// Hash of both tables.
-    tables: String,
-    /// Material of each grain, where several were mixed.
-    #[serde(default)]
-    mixed: Vec<u8>,
-    bed: Bed,
-}
-
-/// A row of the table of forces: grains and walls by number, N per metre of depth, on the other grain or the wall.
-#[derive(Serialize, Deserialize)]
-struct Row {
-    grain: u32,
-    other_grain: Option<u32>,
-    wall: Option<u32>,
-    force_x: f64,
-    force_y: f64,
-    /// Moment that resists rolling over the effective radius, N per metre of depth.
-    rolling: f64,
-}
-
-/// All that determines a bed.
-#[derive(Serialize)]
-struct Recipe<'a> {
-    /// Of this program; a bed of another version is made anew.
-    version: &'static str,
-    radius: &'a Option<scene::Radius>,
-    amount: &'a scene::Amount,
-    solidity: f64,
-    placement: &'a Placement,
-    material: &'a scene::Material,
-    mixed: Vec<(&'a scene::Grains, &'a scene::Material)>,
-    contacts: &'a Option<scene::Contacts>,
-    walls: Vec<Wall<2>>,
-    periodic: &'a Option<scene::Periodic>,
-    gravity: f64,
-}
-
 impl<'a> Placing<'a> {
     /// Nobody watches, nothing is kept.
     pub fn alone() -> Self {
@@ -153,7 +112,7 @@ impl<'a> Placing<'a> {
                 packing::random_within(&region(&r.lower, &r.upper), &fill(r.seed), &scene.period(), observer)
             }
             Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
-            Placement::State(state) => return handed_over(scene, k, state, materials),
+            Placement::State(file) => return state::handed_over(scene, k, file, materials),
         };
         let grains = placed.map_err(|error| wrong(scene, k, error))?;
         Ok(Placed { grains, forces: vec![], before: vec![] })
@@ -162,8 +121,8 @@ impl<'a> Placing<'a> {
     /// A bed, kept or new.
     fn bed(&mut self, scene: &Scene, k: usize, d: &scene::Deposit, fill: &Fill<'_>) -> Result<Placed> {
         let file = self.folder.as_ref().map(|folder| folder.join(format!("packing-{k}.csv")));
-        let hash = hash(scene, k)?;
-        if let Some((bed, placed)) = file.as_ref().and_then(|file| take(file, &hash, fill)) {
+        let hash = cache::hash(scene, k)?;
+        if let Some((bed, placed)) = file.as_ref().and_then(|file| cache::take(file, &hash, fill)) {
             self.beds.push(Bed { group: k, taken_from: file, ..bed });
             return Ok(placed);
         }
@@ -177,118 +136,11 @@ impl<'a> Placing<'a> {
         let bed = Bed { group: k, grains, solid_fraction, at_rest, steps, speed, taken_from: None };
         let placed = Placed { grains: particles, forces, before: vec![] };
         if let Some(file) = &file {
-            keep(file, hash, &bed, &placed)?;
+            cache::keep(file, hash, &bed, &placed)?;
         }
         self.beds.push(bed);
         Ok(placed)
     }
-}
-
-/// The state of the grains in a file, and the names of the walls that they met.
-fn read_state(file: &Path) -> Result<(voidage_dem::State<2>, Vec<String>)> {
-    #[derive(Deserialize)]
-    struct Named {
-        name: String,
-    }
-    #[derive(Deserialize)]
-    struct Walls {
-        #[serde(default)]
-        walls: Vec<Named>,
-    }
-    let checkpoint = Checkpoint::open(file)?;
-    let kept: recorder::Kept = checkpoint.recorder()?;
-    let walls: Walls = toml::from_str(&kept.course).map_err(|error| {
-        Error::input(format!("{}: the scene in it cannot be read: {error}", file.display()))
-    })?;
-    match crate::simulation::State::of(&checkpoint)?.grains {
-        Some(grains) => Ok((grains, walls.walls.into_iter().map(|wall| wall.name).collect())),
-        None => Err(Error::input(format!("{}: the run had no grains", file.display()))),
-    }
-}
-
-/// The grains of a group as another run left them; their contacts are those of [`contacts_of_states`].
-fn handed_over(scene: &Scene, k: usize, state: &scene::StateFile, materials: &[Material]) -> Result<Placed> {
-    let path = format!("grains[{k}].placement.state");
-    let wrong = |what: String, help: &str| scene.error(&path, format!("`{path}`: {what}"), help);
-    let (there, _) = read_state(&state.file).map_err(|error| {
-        let Notice { what, help } = error.notice();
-        wrong(what, &help)
-    })?;
-    let particles = there.particles;
-    let before: Vec<u32> = (0..particles.len() as u32)
-        .filter(|i| state.group.is_none_or(|group| particles.material[*i as usize] == group))
-        .collect();
-    if before.is_empty() {
-        let groups = particles.material.iter().max().map_or(0, |last| usize::from(*last) + 1);
-        let group = state.group.map_or(String::new(), |group| format!("group = {group}: "));
-        return Err(wrong(
-            format!("{group}{} has no grains of it", state.file.display()),
-            &format!("give a group below {groups}, or another file"),
-        ));
-    }
-    let pick = |column: &[f64]| -> Vec<f64> { before.iter().map(|i| column[*i as usize]).collect() };
-    let vectors =
-        |column: &[Vector<2>]| -> Vec<Vector<2>> { before.iter().map(|i| column[*i as usize]).collect() };
-    let material = vec![k as u8; before.len()];
-    let mut grains =
-        Particles::new(vectors(&particles.position), pick(&particles.radius), material, materials)?;
-    if !state.still {
-        grains.velocity = vectors(&particles.velocity);
-    }
-    if let (Some(heat), Some(_)) = (&particles.heat, scene.grains[k].temperature) {
-        grains = grains.heated(0.0, materials)?;
-        grains.heat.iter_mut().for_each(|own| own.temperature = pick(&heat.temperature));
-    }
-    if let Some(rotation) = &particles.rotation {
-        grains = grains.rotating();
-        if let Some(own) = &mut grains.rotation {
-            own.angle = pick(&rotation.angle);
-            if !state.still {
-                own.spin = pick(&rotation.spin);
-            }
-        }
-    }
-    Ok(Placed { grains, forces: vec![], before })
-}
-
-/// The contacts among grains of states, and with walls of the same name; `numbers` has of each group its first grain
-/// and those that its grains had before.
-pub(crate) fn contacts_of_states(
-    scene: &Scene,
-    numbers: &[(usize, Vec<u32>)],
-) -> Result<Vec<ContactForce<2>>> {
-    let mut files: Vec<&Path> = vec![];
-    for group in &scene.grains {
-        if let Placement::State(state) = &group.placement
-            && !files.contains(&state.file.as_path())
-        {
-            files.push(&state.file);
-        }
-    }
-    let mut forces = vec![];
-    for file in files {
-        let (state, walls) = read_state(file)?;
-        let mut now: Vec<Option<u32>> = vec![None; state.particles.len()];
-        for (group, (first, before)) in scene.grains.iter().zip(numbers) {
-            if matches!(&group.placement, Placement::State(of) if of.file == file) {
-                for (k, i) in before.iter().enumerate() {
-                    now[*i as usize] = Some((first + k) as u32);
-                }
-            }
-        }
-        let wall = |number: u32| {
-            let name = walls.get(number as usize)?;
-            scene.walls.iter().position(|wall| wall.name == *name).map(|wall| Partner::Wall(wall as u32))
-        };
-        forces.extend(state.forces().filter_map(|force| {
-            let partner = match force.partner {
-                Partner::Grain(other) => Partner::Grain(now[other as usize]?),
-                Partner::Wall(number) => wall(number)?,
-            };
-            Some(ContactForce { grain: now[force.grain as usize]?, partner, ..force })
-        }));
-    }
-    Ok(forces)
 }
 
 /// How a bed of the scene is deposited.
@@ -426,92 +278,4 @@ fn wrong(scene: &Scene, k: usize, error: voidage_dem::Error) -> Error {
     }
     let path = format!("grains[{k}].placement");
     scene.error(&path, format!("`{path}`: {error}"), "change the box, the amount or the radius")
-}
-
-fn hash(scene: &Scene, k: usize) -> Result<String> {
-    let group = &scene.grains[k];
-    let recipe = Recipe {
-        version: env!("CARGO_PKG_VERSION"),
-        radius: &group.radius,
-        amount: &group.amount,
-        solidity: group.solidity,
-        placement: &group.placement,
-        material: &scene.materials[&group.material],
-        mixed: if mixture(scene, k) {
-            members(scene, k).map(|(_, group)| (group, &scene.materials[&group.material])).collect()
-        } else {
-            vec![]
-        },
-        contacts: &scene.contacts,
-        walls: scene.walls.iter().map(|wall| build::wall(scene, wall)).collect(),
-        periodic: &scene.periodic,
-        gravity: scene.gravity.vector::<2>().norm(),
-    };
-    let text =
-        serde_json::to_vec(&recipe).map_err(|error| Error::run(format!("cannot hash a bed: {error}")))?;
-    Ok(blake3::hash(&text).to_hex().to_string())
-}
-
-/// The files beside the table of a bed: what says what it is of, and its forces.
-fn label(table: &Path) -> PathBuf {
-    table.with_extension("json")
-}
-
-fn table_of_forces(table: &Path) -> PathBuf {
-    table.with_extension("forces.csv")
-}
-
-/// Hash of the tables of a bed.
-fn hash_of_tables(table: &Path) -> std::io::Result<String> {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(&fs::read(table)?);
-    hasher.update(&fs::read(table_of_forces(table))?);
-    Ok(hasher.finalize().to_hex().to_string())
-}
-
-/// A kept bed, if it is whole and of this hash.
-fn take(table: &Path, hash: &str, fill: &Fill<'_>) -> Option<(Bed, Placed)> {
-    let kept: Kept = serde_json::from_slice(&fs::read(label(table)).ok()?).ok()?;
-    if kept.hash != hash || kept.tables != hash_of_tables(table).ok()? {
-        return None;
-    }
-    let mut grains = packing::read_table(table, fill.material, fill.materials).ok()?;
-    if !kept.mixed.is_empty() {
-        let Particles { position, radius, .. } = grains;
-        grains = Particles::new(position, radius, kept.mixed, fill.materials).ok()?;
-    }
-    let mut reader = csv::Reader::from_path(table_of_forces(table)).ok()?;
-    let force = |row: Row| {
-        let partner = row.other_grain.map(Partner::Grain).or(row.wall.map(Partner::Wall))?;
-        let force = Vector::<2>::new(row.force_x, row.force_y);
-        Some(ContactForce { grain: row.grain, partner, force, age: 0.0, rolling: row.rolling })
-    };
-    let forces = reader.deserialize().map(|row| force(row.ok()?)).collect::<Option<_>>()?;
-    Some((kept.bed, Placed { grains, forces, before: vec![] }))
-}
-
-/// Keeps a bed; the tables first, so that the label never speaks of another one.
-fn keep(table: &Path, hash: String, bed: &Bed, placed: &Placed) -> Result<()> {
-    table.parent().map_or(Ok(()), create_folder)?;
-    packing::write_table(table, &placed.grains)?;
-    let forces = table_of_forces(table);
-    write_forces(&forces, &placed.forces).map_err(|error| Error::file(&forces, "write", error.into()))?;
-    let tables = hash_of_tables(table).map_err(|error| Error::file(table, "read", error))?;
-    let of = &placed.grains.material;
-    let mixed = if of.iter().all(|m| *m == of[0]) { vec![] } else { of.clone() };
-    let kept = Kept { hash, tables, mixed, bed: bed.clone() };
-    write_whole(&label(table), |file| serde_json::to_writer_pretty(file, &kept).map_err(Into::into))
-}
-
-fn write_forces(path: &Path, forces: &[ContactForce<2>]) -> csv::Result<()> {
-    let mut writer = csv::Writer::from_path(path)?;
-    for f in forces {
-        let (other_grain, wall) = match f.partner {
-            Partner::Grain(grain) => (Some(grain), None),
-            Partner::Wall(wall) => (None, Some(wall)),
-        };
-        let [force_x, force_y] = f.force.into();
-        writer.serialize(Row { grain: f.grain, other_grain, wall, force_x, force_y, rolling: f.rolling })?;
-    }
-    Ok(writer.flush()?)
 }
