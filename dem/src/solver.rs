@@ -33,19 +33,19 @@ use crate::bodies::Bodies;
 use crate::coarse::Coarse;
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
 use crate::interior::{self, Free, Friction};
-use crate::momentum::Momentum;
 use crate::rolling::Rolling;
 use crate::space::Vector;
 use awake::Awake;
 use runs::Measure;
 pub(crate) use runs::REST;
 pub(crate) use tiles::Tiles;
-use tiles::{FORK_CONTACTS, NOTHING, Sums, add, over_colours, over_tiles};
-
+use tiles::{FORK_CONTACTS, NOTHING, over_colours};
 use trend::Trend;
 
 mod awake;
+mod residual;
 mod runs;
+mod sweep;
 mod tiles;
 mod trend;
 
@@ -165,23 +165,6 @@ impl Outcome {
     }
 }
 
-/// What one look at all contacts tells.
-struct Look {
-    /// Relative natural map.
-    residual: f64,
-    /// Energy that solving each contact by itself would take away, J: the part of the error that varies from grain to
-    /// grain.
-    rough: f64,
-    /// Sum of |violation| |impulse|, J.
-    bound: f64,
-    /// Fastest closing of a contact beyond its gap over its smaller radius, 1/s.
-    closing: f64,
-    /// Energy of what rounding of the impulses leaves of the velocities, J.
-    rounding: f64,
-    /// Mean square over the contacts of the speed that the impulse gives over the diameter, 1/s2.
-    comes_back: f64,
-}
-
 /// Share of the bound of friction up to which a contact sticks.
 const STICKS: f64 = 1.0 - 1e-9;
 
@@ -191,16 +174,6 @@ const ROUNDING: f64 = 1e-12;
 /// Contacts or bodies above which tiles go to several threads: a fork costs some microseconds, a contact ten
 /// nanoseconds.
 pub(crate) const FORK: usize = 10_000;
-/// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the
-/// difference that a sweep makes up.
-///
-/// A sweep is no contraction when friction is strong: normal impulse and the bound mu p_n of the tangential one chase
-/// each other round a cycle. With the bound held, the problem is convex and sweeps converge; so the bound follows
-/// slowly. The share is measured, not derived: in beds with friction 10 the steps that stay unsolved are a quarter of
-/// those without. Weak friction converges without.
-const STRONG: f64 = 1.0;
-const LAGGING: usize = 200;
-const FOLLOW: f64 = 0.05;
 
 /// Bodies up to which the interior-point method goes on where grains pass into each other, and where only forces are
 /// not solved. Its factors take more than linear time: up to the second it costs about as much as the sweeps did, up
@@ -256,120 +229,6 @@ impl<const D: usize> Problem<D> {
         }
         let outcome = self.judge::<L>(stopping, grains, Measure::Always, 0.0);
         Outcome { sweeps: first.sweeps + again, work: first.work, ..outcome }
-    }
-
-    /// A sweep, with momentum if there is a pace.
-    fn paced_sweep<L: Law>(&mut self, pace: &mut Option<Momentum>) {
-        self.trend.count(&self.bodies);
-        let Some(pace) = pace else {
-            self.sweep::<L, false>(0.0);
-            return;
-        };
-        self.extrapolate(pace.beta);
-        let ([change, turn, ..], _) = self.sweep::<L, true>(pace.beta);
-        pace.update(change, turn);
-    }
-
-    /// Moves the bounds of friction towards mu (p_n + c).
-    fn follow_bounds(&mut self) {
-        let cohesion = |k: usize| self.cohesion.get(k).copied().unwrap_or(0.0);
-        let bound = |k: usize, c: &Contact<D>| c.friction * (c.impulse.dot(&c.normal) + cohesion(k));
-        if self.bounds.is_empty() {
-            crate::reserve(&mut self.bounds, self.contacts.len());
-            self.bounds.extend(self.contacts.iter().enumerate().map(|(k, c)| bound(k, c)));
-        } else {
-            for (k, (lagging, c)) in self.bounds.iter_mut().zip(&self.contacts).enumerate() {
-                *lagging += FOLLOW * (bound(k, c) - *lagging);
-            }
-        }
-    }
-
-    /// One pass over the contacts of all tiles that are awake; its sums.
-    fn sweep<L: Law, const MOMENTUM: bool>(&mut self, beta: f64) -> Sums {
-        let (bodies, cohesion, bounds, rolling) = (&self.bodies, &self.cohesion, &self.bounds, &self.rolling);
-        let (tiles, awake, fork) = (&self.tiles, &self.awake.tiles, self.awake.fork());
-        let tile = |contacts: &mut [Contact<D>], last: &mut [Vector<D>], tile: usize| {
-            if !awake[tile] {
-                return NOTHING;
-            }
-            let first = tiles.contacts(tile).start;
-            let (mut change, mut turn) = (0.0, 0.0);
-            for (k, c) in contacts.iter_mut().enumerate() {
-                let lags = L::FRICTION && c.friction > STRONG;
-                let bound = if lags { bounds.get(first + k).copied() } else { None };
-                let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
-                let before = c.impulse;
-                let mut start = before;
-                if MOMENTUM {
-                    start += (before - last[k]) * beta;
-                    last[k] = before;
-                }
-                if L::ROLLING {
-                    let rolling = &rolling[first + k];
-                    let rolled = rolling.impulse.get();
-                    let mut start_rolling = rolled;
-                    if MOMENTUM {
-                        start_rolling += (rolled - rolling.last.get()) * beta;
-                        rolling.last.set(rolled);
-                    }
-                    let (step, turned) =
-                        relax_rolling::<L, D>(bodies, c, (&start, start_rolling), cohesion, bound, rolling);
-                    change += step.norm_squared() + turned * turned;
-                    if MOMENTUM {
-                        turn -= step.dot(&(c.impulse - before)) + turned * (rolling.impulse.get() - rolled);
-                    }
-                    continue;
-                }
-                let step = relax::<L, D>(bodies, c, &start, cohesion, bound);
-                change += step.norm_squared();
-                if MOMENTUM {
-                    turn -= step.dot(&(c.impulse - before));
-                }
-            }
-            ([change, turn, 0.0, 0.0, 0.0, 0.0], 0.0)
-        };
-        over_colours(tiles, &mut self.contacts, &mut self.awake.last, fork, tile)
-    }
-
-    /// What the natural map r of the present impulses and velocities says; r / rho is the speed by which a contact is
-    /// violated.
-    fn look<L: Law>(&mut self) -> Look {
-        let (bodies, cohesion, radius, rolling) = (&self.bodies, &self.cohesion, &self.radius, &self.rolling);
-        let count = self.tiles.len();
-        crate::reserve(&mut self.tiles.found, count);
-        self.tiles.found.resize_with(count, Default::default);
-        let tiles = &self.tiles;
-        let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], tile: usize| {
-            let (mut sums, first) = (NOTHING, tiles.contacts(tile).start);
-            for (k, c) in contacts.iter().enumerate() {
-                let u = relative::<L, D>(bodies, c);
-                let cohesion = if L::COHESION { cohesion[first + k] } else { 0.0 };
-                let (rho, [square, size]) = natural_map::<L, D>(bodies, c, &u, cohesion);
-                let (r, p) = (square.sqrt(), size.sqrt());
-                let mut energies = [0.5 * square / rho, r / rho * (r + p), 0.5 * size / rho];
-                let [mut square, mut size] = [square, size];
-                if L::ROLLING {
-                    let (rho, [map, own]) = rolling_map(bodies, c, cohesion, &rolling[first + k]);
-                    let (r, q) = (map.sqrt(), own.sqrt());
-                    let more = [0.5 * map / rho, r / rho * (r + q), 0.5 * own / rho];
-                    energies = std::array::from_fn(|e| energies[e] + more[e]);
-                    (square, size) = (square + map, size + own);
-                }
-                let turned = 0.5 * p / (rho * smaller(radius, c));
-                let closing = -(u.dot(&c.normal) + c.bias) / smaller(radius, c);
-                let [rough, bound, carried] = energies;
-                sums = add(sums, ([square, size, rough, bound, carried, turned * turned], closing));
-            }
-            tiles.found[tile].rough.set(sums.0[2]);
-            tiles.found[tile].closing.set(sums.1);
-            sums
-        };
-        let ([square, size, rough, bound, carried, turned], closing) =
-            over_tiles(0..tiles.len(), &tiles.starts, &mut self.contacts, &mut [], FORK, &tile);
-        let residual = if square == 0.0 { 0.0 } else { (square / size.max(f64::MIN_POSITIVE)).sqrt() };
-        let rounding = (4.0 * f64::EPSILON).powi(2) * carried;
-        let comes_back = turned / self.contacts.len().max(1) as f64;
-        Look { residual, rough, bound, closing, rounding, comes_back }
     }
 
     /// The largest share of its smaller radius by which a contact closes beyond its gap in a sub-step.
@@ -488,32 +347,6 @@ impl<const D: usize> Problem<D> {
     }
 }
 
-/// Rho, kg, and the squares of the natural map and of the impulse with it.
-///
-/// rho = 1/w_n between equals, half of the heavier mass otherwise: with 1/w_n, near the lighter mass, a heavy lid that
-/// falls freely on light grains would look solved.
-#[inline(always)]
-fn natural_map<L: Law, const D: usize>(
-    bodies: &Bodies<D>,
-    c: &Contact<D>,
-    u: &Vector<D>,
-    cohesion: f64,
-) -> (f64, [f64; 2]) {
-    let rho = c.mass_n.max(0.5 * bodies.heavier(c.i as usize, c.j as usize));
-    (rho, c.natural_map::<L>(u, rho, cohesion))
-}
-
-/// The same of the law of rolling.
-#[inline(always)]
-fn rolling_map<const D: usize>(
-    bodies: &Bodies<D>,
-    c: &Contact<D>,
-    cohesion: f64,
-    rolling: &Rolling,
-) -> (f64, [f64; 2]) {
-    rolling.natural_map(bodies, c.i, c.j, c.impulse.dot(&c.normal) + cohesion)
-}
-
 /// The smaller radius of a contact, m; walls have none.
 #[inline(always)]
 fn smaller<const D: usize>(radius: &[f64], c: &Contact<D>) -> f64 {
@@ -525,53 +358,4 @@ fn smaller<const D: usize>(radius: &[f64], c: &Contact<D>) -> f64 {
 fn relative<L: Law, const D: usize>(bodies: &Bodies<D>, c: &Contact<D>) -> Vector<D> {
     let (i, j) = (c.i as usize, c.j as usize);
     if L::SPIN { bodies.relative::<true>(i, j, &c.normal) } else { bodies.relative::<false>(i, j, &c.normal) }
-}
-
-/// Solves one contact exactly from the impulse `start`, with friction up to `bound` if that lags, moves its two bodies,
-/// and returns the change.
-#[inline(always)]
-fn relax<L: Law, const D: usize>(
-    bodies: &Bodies<D>,
-    c: &mut Contact<D>,
-    start: &Vector<D>,
-    cohesion: f64,
-    bound: Option<f64>,
-) -> Vector<D> {
-    let u = relative::<L, D>(bodies, c);
-    c.impulse = c.solve::<L>(start, &u, cohesion, bound);
-    let change = c.impulse - start;
-    if change.iter().any(|x| *x != 0.0) {
-        let (i, j) = (c.i as usize, c.j as usize);
-        if L::SPIN {
-            bodies.push_apart::<true>(i, j, &c.normal, &change);
-        } else {
-            bodies.push_apart::<false>(i, j, &c.normal, &change);
-        }
-    }
-    change
-}
-
-/// The same with resistance to rolling: from its impulse too, which changes as well. Returns both changes.
-#[inline(always)]
-fn relax_rolling<L: Law, const D: usize>(
-    bodies: &Bodies<D>,
-    c: &mut Contact<D>,
-    (start, rolled): (&Vector<D>, f64),
-    cohesion: f64,
-    bound: Option<f64>,
-    rolling: &Rolling,
-) -> (Vector<D>, f64) {
-    let u = relative::<L, D>(bodies, c);
-    let speed = rolling.speed(bodies, c.i, c.j);
-    let (impulse, q) = c.solve_rolling::<L>((start, &u), cohesion, bound, rolling, [rolled, speed]);
-    c.impulse = impulse;
-    rolling.impulse.set(q);
-    let (change, turned) = (impulse - start, q - rolled);
-    if change.iter().any(|x| *x != 0.0) {
-        bodies.push_apart::<true>(c.i as usize, c.j as usize, &c.normal, &change);
-    }
-    if turned != 0.0 {
-        rolling.turn(bodies, c.i, c.j, turned);
-    }
-    (change, turned)
 }

@@ -5,9 +5,10 @@
 //! sweeps wake those around it. It stays awake until momentum starts anew: what momentum remembers of a body holds for
 //! all of its contacts.
 
+use super::residual::{natural_map, rolling_map};
 use super::runs::FEW_MOVE;
 use super::tiles::FORK_CONTACTS;
-use super::{Problem, natural_map, relative, rolling_map};
+use super::{Problem, relative};
 use crate::bodies::{Bodies, Shared};
 use crate::contact::Law;
 use crate::momentum::Momentum;

@@ -27,7 +27,9 @@
 //! Corrections also take what sweeps have changed of the impulses times such factors. As a measure these would claim
 //! errors that are none: where friction or cohesion are at their limits they lead out of the law.
 
-use super::{Grains, Look, Outcome, Problem, Stopping};
+use super::residual::Look;
+use super::sweep::{LAGGING, STRONG};
+use super::{Grains, Outcome, Problem, Stopping};
 use crate::contact::Law;
 use crate::momentum::Momentum;
 use crate::parallel;
@@ -133,7 +135,7 @@ impl<const D: usize> Problem<D> {
         self.bounds.clear();
         let corners = self.corners();
         self.coarse.restart(corners, &self.radius, &mut self.uncorrected);
-        let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > super::STRONG);
+        let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > STRONG);
         self.trend.start(self.position.len());
         let mut pace = self.sleep(stopping.momentum);
         if !stopping.momentum || stopping.interior {
@@ -238,7 +240,7 @@ impl<const D: usize> Problem<D> {
         }
         let any = !sweeps.is_empty();
         for sweep in sweeps {
-            if strong && sweep >= super::LAGGING {
+            if strong && sweep >= LAGGING {
                 self.follow_bounds();
             }
             self.paced_sweep::<L>(pace);
