@@ -3,7 +3,8 @@
 use super::canvas::{Area, Canvas, label, pixels, power_of_ten, text};
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
-use plotters::element::{Circle, DashedPathElement};
+use plotters::chart::SeriesAnno;
+use plotters::element::{Circle, Cross, DashedPathElement};
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
 use voidage_coupling::Result;
@@ -58,13 +59,13 @@ pub struct Curve {
     pub style: Style,
 }
 
-/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order. One without a
-/// name takes that of the one before, to which it belongs.
+/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order, and are dashed
+/// where there are more of them than colours. One without a name looks like the one before, to which it belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Black line: exact.
     Line,
-    /// Black circles: known values, tables, marks on other curves.
+    /// Black circles, of a second such curve crosses: known values, tables, marks on other curves.
     Known,
     /// Grey dashes: a slope, a bound.
     Dashes,
@@ -247,27 +248,15 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
         .axis_style(BLACK.stroke_width(pixels(1)))
         .set_all_tick_mark_size(pixels(4))
         .draw()?;
-    // Darker where there are more curves than colours.
-    let dark = COLOURS.iter().map(|RGBColor(r, g, b)| RGBColor(r / 2, g / 2, b / 2));
-    let mut colours = COLOURS.iter().copied().chain(dark).cycle();
-    let mut last = None;
-    let mut colour = |curve: &Curve| match curve.style {
-        Style::Line | Style::Known => BLACK,
-        Style::Dashes => GREY,
-        _ if curve.name.is_empty() => *last.get_or_insert(COLOURS[0]),
-        Style::Faint => GREY,
-        _ => *last.insert(colours.next().unwrap_or(BLACK)),
-    };
-    let mut strokes: Vec<_> =
-        panel.curves.iter().zip(&curves).map(|(curve, points)| (curve, points, colour(curve))).collect();
+    let mut strokes: Vec<_> = panel.curves.iter().zip(&curves).zip(looks(&panel.curves)).collect();
     // Discs lie on lines, and lines on faint ones.
-    strokes.sort_by_key(|(curve, ..)| match curve.style {
+    strokes.sort_by_key(|((curve, _), _)| match curve.style {
         Style::Faint if curve.name.is_empty() => 0,
         Style::Points | Style::Known => 2,
         _ => 1,
     });
-    for (curve, points, colour) in strokes {
-        stroke(&mut chart, curve, points, colour)?;
+    for ((curve, points), look) in strokes {
+        stroke(&mut chart, curve, points, look)?;
     }
     if panel.curves.iter().any(|curve| !curve.name.is_empty()) {
         chart
@@ -282,49 +271,93 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
     Ok(())
 }
 
+/// What tells a curve from the others of its panel.
+#[derive(Clone, Copy)]
+struct Look {
+    colour: RGBColor,
+    /// Dashes in place of a line, crosses in place of circles.
+    other: bool,
+}
+
+/// The look of every curve.
+fn looks(curves: &[Curve]) -> Vec<Look> {
+    let (mut coloured, mut known) = (0_usize, 0_usize);
+    let of = |curve: &Curve| {
+        let named = !curve.name.is_empty();
+        match curve.style {
+            Style::Line => return Look { colour: BLACK, other: false },
+            Style::Dashes => return Look { colour: GREY, other: true },
+            Style::Faint if named => return Look { colour: GREY, other: false },
+            Style::Known => {
+                known += usize::from(named);
+                return Look { colour: BLACK, other: known > 1 };
+            }
+            _ => coloured += usize::from(named),
+        }
+        let place = coloured.saturating_sub(1);
+        Look { colour: COLOURS[place % COLOURS.len()], other: place / COLOURS.len() % 2 == 1 }
+    };
+    curves.iter().map(of).collect()
+}
+
 fn stroke(
     chart: &mut ChartContext<BitMapBackend, Cartesian2d<Axis, Axis>>,
     curve: &Curve,
     points: &[(f64, f64)],
-    colour: RGBColor,
+    Look { colour, other }: Look,
 ) -> std::result::Result<(), Box<dyn std::error::Error>> {
     let line = match curve.style {
         Style::Faint => colour.mix(0.6).stroke_width(pixels(1)),
         _ => colour.stroke_width(pixels(2)),
     };
-    let disc = pixels(3) as i32;
+    let [disc, length] = [pixels(3), pixels(26)].map(|size| size as i32);
     let points = || points.iter().copied();
-    let length = pixels(26) as i32;
     let discs = matches!(curve.style, Style::Points | Style::Joined | Style::Known);
-    let look = if curve.style == Style::Known { colour.stroke_width(pixels(1)) } else { colour.filled() };
-    if curve.style == Style::Dashes {
-        let dashes = DashedLineSeries::new(points(), pixels(7), pixels(5), line);
-        let drawn = chart.draw_series(dashes)?;
-        if !curve.name.is_empty() {
-            drawn.label(&curve.name).legend(move |(x, y)| {
-                DashedPathElement::new([(x, y), (x + length, y)], pixels(7), pixels(5), line)
-            });
-        }
-        return Ok(());
-    }
     if curve.style == Style::Joined {
         // Piece by piece: a thick line that turns back on itself would be drawn with a spike.
         let pieces: Vec<_> = points().zip(points().skip(1)).collect();
         chart.draw_series(pieces.into_iter().map(|(from, to)| PathElement::new([from, to], line)))?;
-    } else if !matches!(curve.style, Style::Points | Style::Known) {
-        let drawn = chart.draw_series(LineSeries::new(points(), line))?;
-        if !discs && !curve.name.is_empty() {
-            drawn.label(&curve.name).legend(move |(x, y)| PathElement::new([(x, y), (x + length, y)], line));
-        }
     }
-    if discs {
-        let drawn = chart.draw_series(points().map(|point| Circle::new(point, disc, look)))?;
-        if !curve.name.is_empty() {
-            let middle = length / 2;
-            drawn.label(&curve.name).legend(move |(x, y)| Circle::new((x + middle, y), disc, look));
+    let name = curve.name.as_str();
+    let middle = length / 2;
+    match (discs, other) {
+        (true, true) if curve.style == Style::Known => {
+            let look = colour.stroke_width(pixels(1));
+            let drawn = chart.draw_series(points().map(|point| Cross::new(point, disc, look)))?;
+            if let Some(drawn) = named(drawn, name) {
+                drawn.legend(move |(x, y)| Cross::new((x + middle, y), disc, look));
+            }
+        }
+        (true, _) => {
+            let look = ShapeStyle { filled: curve.style != Style::Known, ..colour.stroke_width(pixels(1)) };
+            let drawn = chart.draw_series(points().map(|point| Circle::new(point, disc, look)))?;
+            if let Some(drawn) = named(drawn, name) {
+                drawn.legend(move |(x, y)| Circle::new((x + middle, y), disc, look));
+            }
+        }
+        (false, true) => {
+            let [dash, gap] = [pixels(7), pixels(5)];
+            let drawn = chart.draw_series(DashedLineSeries::new(points(), dash, gap, line))?;
+            if let Some(drawn) = named(drawn, name) {
+                drawn.legend(move |(x, y)| DashedPathElement::new([(x, y), (x + length, y)], dash, gap, line));
+            }
+        }
+        (false, false) => {
+            let drawn = chart.draw_series(LineSeries::new(points(), line))?;
+            if let Some(drawn) = named(drawn, name) {
+                drawn.legend(move |(x, y)| PathElement::new([(x, y), (x + length, y)], line));
+            }
         }
     }
     Ok(())
+}
+
+/// The entry of a curve in the legend, if it has a name.
+fn named<'c, 'a, B: DrawingBackend>(
+    drawn: &'c mut SeriesAnno<'a, B>,
+    name: &str,
+) -> Option<&'c mut SeriesAnno<'a, B>> {
+    (!name.is_empty()).then(|| drawn.label(name))
 }
 
 /// The place with the fewest points near it, where the legend hides least; above, if there is room for it.
@@ -427,5 +460,20 @@ mod tests {
         assert_eq!(said(-2.2, -0.9), ["0.01", "0.02", "0.05", "0.1"]);
         assert_eq!(said(-10.5, 0.4).len(), 6);
         assert_eq!(said(-0.4, 3.2), ["10\u{2070}", "10\u{b9}", "10\u{b2}", "10\u{b3}"]);
+    }
+
+    #[test]
+    fn curves_of_a_panel_look_different() {
+        let mut curves: Vec<Curve> = (0..9).map(|k| Curve::measured(format!("{k}"), vec![])).collect();
+        curves.insert(1, Curve::faint("", vec![]));
+        curves.extend(["a", "b"].map(|name| Curve::known(name, vec![])));
+        let looks = looks(&curves);
+        assert_eq!((looks[0].colour, looks[1].colour), (COLOURS[0], COLOURS[0]));
+        assert_eq!((looks[7].colour, looks[7].other), (COLOURS[0], true));
+        let named = curves.iter().zip(&looks).filter(|(curve, _)| !curve.name.is_empty());
+        let mut seen: Vec<_> = named.map(|(_, look)| (look.colour.rgb(), look.other)).collect();
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), 11);
     }
 }

@@ -17,7 +17,8 @@ pub fn spectra(path: &Path, spectra: &[(String, Spectrum)]) -> Result<()> {
             ),
             None => format!("{column}: no dominant frequency"),
         };
-        let mut panel = Panel::log_log(title, "frequency (Hz)", "power spectral density (unit\u{b2} s)");
+        let density = format!("power spectral density ({})", unit_of_density(column));
+        let mut panel = Panel::log_log(title, "frequency (Hz)", density);
         let points =
             |values: &[f64]| found.frequency.iter().copied().zip(values.iter().copied()).skip(1).collect();
         panel
@@ -27,6 +28,19 @@ pub fn spectra(path: &Path, spectra: &[(String, Spectrum)]) -> Result<()> {
         panel
     };
     panels::large(path, 2, &spectra.iter().map(panel).collect::<Vec<_>>())
+}
+
+/// Unit of the spectral density of a column, by the unit at the end of its name.
+fn unit_of_density(column: &str) -> String {
+    const UNITS: [&str; 11] = ["N", "Pa", "K", "W", "J", "kg", "m", "m2", "s", "s2", "per"];
+    let words: Vec<&str> = column.split('_').collect();
+    let first = words.iter().rposition(|word| !UNITS.contains(word)).map_or(0, |last| last + 1);
+    let unit = words[first..].join(" ").replace(" per ", "/").replace("m2", "m\u{b2}").replace("s2", "s\u{b2}");
+    match unit.as_str() {
+        "" => "s".into(),
+        unit if unit.chars().all(char::is_alphabetic) => format!("{unit}\u{b2} s"),
+        unit => format!("({unit})\u{b2} s"),
+    }
 }
 
 /// A curve of the frames; none where all values are no number.
@@ -114,4 +128,17 @@ pub fn profiles(path: &Path, rows: &[ProfileRow], frames: usize) -> Result<()> {
     bar(&mut flux.curves, "down", &points(down));
     bar(&mut flux.curves, "up less down", &points(net));
     panels::large(path, 2, &[solid, flux])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::unit_of_density;
+
+    #[test]
+    fn a_spectrum_has_the_unit_of_its_column() {
+        assert_eq!(unit_of_density("pressure_drop_Pa"), "Pa\u{b2} s");
+        assert_eq!(unit_of_density("max_grain_speed_m_per_s"), "(m/s)\u{b2} s");
+        assert_eq!(unit_of_density("flux_top_m2_per_s"), "(m\u{b2}/s)\u{b2} s");
+        assert_eq!(unit_of_density("contacts"), "s");
+    }
 }

@@ -143,7 +143,7 @@ fn run(effort: Effort) -> Result<Outcome> {
             .map(|(title, unit, mut curves)| {
                 curves.iter_mut().flat_map(|curve| &mut curve.points).for_each(|(_, height)| *height /= unit);
                 let label = format!("mean height moved / ({unit:e} diameters)");
-                Panel { curves, ..Panel::new(title, "time (s)", label) }
+                Panel { headroom: 0.25, curves, ..Panel::new(title, "time (s)", label) }
             })
             .into();
     Ok(outcome)
