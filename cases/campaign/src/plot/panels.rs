@@ -1,9 +1,9 @@
 //! Pages of small plots: measured points on exact lines.
 
 use super::canvas::{Area, Canvas, label, pixels, power_of_ten, text};
+use plotters::chart::SeriesAnno;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
-use plotters::chart::SeriesAnno;
 use plotters::element::{Circle, Cross, DashedPathElement};
 use plotters::prelude::*;
 use std::path::{Path, PathBuf};
@@ -339,7 +339,8 @@ fn stroke(
             let [dash, gap] = [pixels(7), pixels(5)];
             let drawn = chart.draw_series(DashedLineSeries::new(points(), dash, gap, line))?;
             if let Some(drawn) = named(drawn, name) {
-                drawn.legend(move |(x, y)| DashedPathElement::new([(x, y), (x + length, y)], dash, gap, line));
+                drawn
+                    .legend(move |(x, y)| DashedPathElement::new([(x, y), (x + length, y)], dash, gap, line));
             }
         }
         (false, false) => {

@@ -35,7 +35,8 @@ fn unit_of_density(column: &str) -> String {
     const UNITS: [&str; 11] = ["N", "Pa", "K", "W", "J", "kg", "m", "m2", "s", "s2", "per"];
     let words: Vec<&str> = column.split('_').collect();
     let first = words.iter().rposition(|word| !UNITS.contains(word)).map_or(0, |last| last + 1);
-    let unit = words[first..].join(" ").replace(" per ", "/").replace("m2", "m\u{b2}").replace("s2", "s\u{b2}");
+    let unit =
+        words[first..].join(" ").replace(" per ", "/").replace("m2", "m\u{b2}").replace("s2", "s\u{b2}");
     match unit.as_str() {
         "" => "s".into(),
         unit if unit.chars().all(char::is_alphabetic) => format!("{unit}\u{b2} s"),
