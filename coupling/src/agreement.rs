@@ -151,7 +151,9 @@ impl Temperatures {
         let unknown = self.tolerance.max(ROUND_OFF) * high.abs().max(low.abs());
         let (mut sum, mut scale) = (0.0, 0.0);
         for (i, coefficient) in law.coefficient.iter().enumerate() {
-            sum += (difference(i).abs() - coefficient * unknown).max(0.0).powi(2);
+            let excess = difference(i).abs() - coefficient * unknown;
+            // What is no number is a disagreement; a maximum would drop it.
+            sum += if excess <= 0.0 { 0.0 } else { excess.powi(2) };
             scale += (coefficient * (high - low)).powi(2);
         }
         share(sum, scale)

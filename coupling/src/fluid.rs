@@ -123,6 +123,9 @@ impl<const D: usize> Fluid<D> {
         immersed: Option<Immersed<'_, D>>,
         report: &mut StepReport,
     ) -> Result<()> {
+        if let Some(droplet) = alive(&mut self.droplet) {
+            droplet.go_free();
+        }
         loop {
             self.solve_once(dt, immersed, report)?;
             let stopped = alive(&mut self.droplet).is_some_and(|droplet| droplet.stop(&self.mesh, dt));
@@ -242,6 +245,7 @@ impl<const D: usize> Fluid<D> {
     pub fn restore_droplet(&mut self, state: DropletState<D>) {
         let Some(droplet) = &mut self.droplet else { return };
         droplet.state = state;
+        droplet.recall();
         if droplet.state.gone {
             self.conditions.retain(|condition| condition.boundary != droplet.boundary);
         }

@@ -233,6 +233,8 @@ impl<const D: usize> Mixture<D> {
                 let gas = pieces.mean(grain, mesh, &scalars[*scalar]);
                 let water = match surface.map(|surface| surface.scalar(*scalar)) {
                     Some(ScalarCondition::Value(value)) => value.at(0),
+                    // Nothing is dry in water.
+                    _ if wet.as_ref().is_some_and(|wet| wet.swallows(grain)) => return false,
                     _ => gas,
                 };
                 (1.0 - share) * gas + share * water < *bound

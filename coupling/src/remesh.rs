@@ -117,6 +117,11 @@ impl<const D: usize> Fluid<D> {
     /// Remeshes the domain if it is time; returns whether it was.
     fn remesh(&mut self) -> Result<bool> {
         let Some(remesher) = &mut self.remesher else { return Ok(false) };
+        let gone = self.droplet.as_ref().is_some_and(|droplet| droplet.state.gone);
+        if gone && self.motion.is_none() {
+            // Nothing moves the mesh any more.
+            return Ok(false);
+        }
         let Remesher { when, tools, last, .. } = remesher;
         let vanishes = self.droplet.as_ref().is_some_and(|droplet| droplet.vanishes());
         // A restart with a longer step counts fewer of them.

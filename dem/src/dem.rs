@@ -18,6 +18,7 @@ mod members;
 mod motion;
 mod state;
 
+use forces::Last;
 pub use forces::{Contact, ContactForce, Partner};
 pub use state::State;
 
@@ -54,8 +55,9 @@ pub struct Dem<const D: usize> {
     problem: Problem<D>,
     after: Vec<Vector<D>>,
     conductor: Conductor,
-    /// Whether the contacts of the last sub-step are at hand.
+    /// Whether the contacts of the last sub-step are at hand: in `search`, `problem` and `conductor`, or put aside.
     known: bool,
+    last: Option<Last<D>>,
 }
 
 impl<const D: usize> Default for Dem<D> {
@@ -83,6 +85,7 @@ impl<const D: usize> Default for Dem<D> {
             after: vec![],
             conductor: Conductor::default(),
             known: false,
+            last: None,
         }
     }
 }
@@ -199,6 +202,10 @@ impl<const D: usize> Dem<D> {
         let runaway = self.runaway(dt, load);
         if runaway.is_some() {
             return StepReport { runaway, ..StepReport::default() };
+        }
+        if let Some(last) = self.last.take() {
+            // For their buffers: all in them is made anew.
+            (self.search, self.problem, self.conductor) = (last.search, last.problem, last.conductor);
         }
         let mut report = StepReport { converged: true, ..StepReport::default() };
         let (start, mut left) = (self.time, dt);

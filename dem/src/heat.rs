@@ -233,8 +233,8 @@ impl Conductor {
         self.direction.resize(n, 0.0);
         let mut last = 1.0;
         for iterations in 0..MAX_ITERATIONS {
-            let worst = (0..n).fold(0.0, |w: f64, i| w.max(self.residual[i].abs() / self.inertia[i]));
-            if worst <= small {
+            // A value that is no number is not small.
+            if (0..n).all(|i| self.residual[i].abs() / self.inertia[i] <= small) {
                 return HeatOutcome { iterations, converged: true };
             }
             let energy: f64 = (0..n).map(|i| self.residual[i] * self.residual[i] / self.diagonal[i]).sum();

@@ -274,19 +274,19 @@ impl<const D: usize> Grid<D> {
         self.starts[cell] as usize..self.starts[cell + 1] as usize
     }
 
-    /// Calls `f(slot)` for all slots in the cells around (and at) a point on every level, and around its images beyond
-    /// periodic sides.
-    pub fn around(&self, x: &Vector<D>, mut f: impl FnMut(usize)) {
-        self.images(x, self.width(), |image| self.around_image(image, &mut f));
+    /// Calls `f(slot)` for all slots in so many cells around a point (and in its own) on every level, and around its
+    /// images beyond periodic sides.
+    pub fn around(&self, x: &Vector<D>, cells: i64, mut f: impl FnMut(usize)) {
+        self.images(x, cells as f64 * self.width(), |image| self.around_image(image, cells, &mut f));
     }
 
-    fn around_image(&self, x: &Vector<D>, mut f: &mut impl FnMut(usize)) {
+    fn around_image(&self, x: &Vector<D>, cells: i64, mut f: &mut impl FnMut(usize)) {
         let finest = self.locate(x);
         for level in 0..self.levels {
             let home = finest.map(|q| q >> level.max(self.base));
             let (s, dims) = (self.base.saturating_sub(level), self.level_dims(level.max(self.base)));
-            let low = std::array::from_fn(|a| (home[a] - 1).max(0) << s);
-            let high = std::array::from_fn(|a| (home[a] + 2).min(dims[a]) << s);
+            let low = std::array::from_fn(|a| (home[a] - cells).max(0) << s);
+            let high = std::array::from_fn(|a| (home[a] + 1 + cells).min(dims[a]) << s);
             each_cell(&low, &high, |q| self.slots(self.cell(level, q)).for_each(&mut f));
         }
     }

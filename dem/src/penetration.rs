@@ -39,9 +39,8 @@ impl<const D: usize> Moved<'_, D> {
     /// The same between all grains that move and all walls, for where the search cannot vouch for who met whom.
     pub fn deepest_in_walls(&self) -> Penetration {
         let grains = (0..self.particles.len() as u32).filter(|&i| !self.particles.held(i as usize));
-        self.deepest(
-            grains.flat_map(|i| (0..self.walls.len() as u32).map(move |wall| (i, Partner::Wall(wall)))),
-        )
+        let standing = || (0_u32..).zip(self.walls).filter(|(_, wall)| !wall.gone).map(|(wall, _)| wall);
+        self.deepest(grains.flat_map(|i| standing().map(move |wall| (i, Partner::Wall(wall)))))
     }
 
     /// Where the centres were nearest to each other on their way: grains that have passed through each other are
@@ -70,9 +69,16 @@ impl<const D: usize> Moved<'_, D> {
     }
 }
 
+/// The least length of an arm that changes evenly by a way.
+pub(crate) fn nearest_on_way<const D: usize>(arm: &Vector<D>, way: &Vector<D>) -> f64 {
+    let square = way.norm_squared();
+    let share = if square > 0.0 { (-arm.dot(way) / square).clamp(0.0, 1.0) } else { 0.0 };
+    (arm + way * share).norm()
+}
+
 /// Whether a point that goes straight from a place beside a wall to a place beside where the wall is then passes
 /// through it; an endless wall leads from one periodic side to the other.
-fn crossed<const D: usize>(
+pub(crate) fn crossed<const D: usize>(
     (wall, start): (&Placed<D>, &Vector<D>),
     (moved, end): (&Placed<D>, &Vector<D>),
     endless: bool,

@@ -105,7 +105,7 @@ impl<const D: usize> Scene<'_, D> {
     }
 
     /// Marks the bodies that contacts push and that do not rest. Returns the share that they have of the energy that
-    /// forces bring to all.
+    /// forces bring to all; where these bring none, all of it.
     pub fn mark_moving(&self, grain_of: &[u32], bodies: &Bodies<D>, moving: &mut Vec<bool>) -> f64 {
         moving.resize(grain_of.len(), false);
         parallel::each_chunk(moving, &|first, marks| {
@@ -125,8 +125,11 @@ impl<const D: usize> Scene<'_, D> {
             if mobility > 0.0 { by_forces.norm_squared() / mobility } else { 0.0 }
         };
         let all = 0..grain_of.len();
-        parallel::sum(all.clone(), &|slot| if moving[slot] { brought(slot) } else { 0.0 })
-            / parallel::sum(all, &brought)
+        let brought_to_all = parallel::sum(all.clone(), &brought);
+        if brought_to_all == 0.0 {
+            return 1.0;
+        }
+        parallel::sum(all, &|slot| if moving[slot] { brought(slot) } else { 0.0 }) / brought_to_all
     }
 
     /// A, W/K.

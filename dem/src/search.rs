@@ -5,6 +5,7 @@ use crate::contact::Contact;
 use crate::memory::{Memory, Record, WALL};
 use crate::neighbours::{Grid, Tile};
 use crate::parallel;
+use crate::penetration::{crossed, nearest_on_way};
 use crate::rolling::Rolling;
 use crate::scene::{Scene, Touch};
 use crate::solver::{FORK, Problem};
@@ -130,7 +131,7 @@ impl<const D: usize> Search<D> {
 
     /// Lists the walls near each zone, adds their velocities to its box, and closes the boxes.
     fn place_walls(&mut self, scene: &Scene<D>) {
-        for wall in scene.placed {
+        for wall in scene.placed.iter().filter(|wall| !wall.gone) {
             // A wall matters to a grain that it may reach; a second radius covers the range of a grain.
             let range = wall.velocity[0].norm().max(wall.velocity[1].norm()) * scene.h;
             let bounds = &mut self.bounds;
@@ -143,7 +144,7 @@ impl<const D: usize> Search<D> {
         // A fast grain may reach further: the list must cover the range of every zone.
         let range = (0..self.grid.zones()).fold(0.0, |a: f64, c| a.max(self.bounds.speed(c))) * scene.h;
         self.wall_cells.clear();
-        for (w, wall) in scene.placed.iter().enumerate() {
+        for (w, wall) in scene.placed.iter().enumerate().filter(|(_, wall)| !wall.gone) {
             let cells = &mut self.wall_cells;
             self.grid
                 .near_segment(&wall.points, 1.0 + SKIN, range, |zone| cells.push((zone as u32, w as u32)));
@@ -274,20 +275,29 @@ impl<const D: usize> Search<D> {
         }
         let (end, period) = (x + v * scene.h, &scene.settings.period);
         let mut free = true;
-        self.grid.around(&x, |slot| {
+        // Two cells far: it goes a quarter of one, another such grain as much, and all others less than one.
+        self.grid.around(&x, 2, |slot| {
             let j = self.grid.grain_of[slot] as usize;
             let reach = r + p.radius[j];
-            let there = p.position[j] + problem.bodies.velocity(slot) * scene.h;
-            let overlap = reach - period.nearest(there - end).norm();
-            let was_far = period.nearest(p.position[j] - x).norm() > reach * (1.0 + SKIN);
+            let arm = period.nearest(p.position[j] - x);
+            let overlap = reach - nearest_on_way(&arm, &((problem.bodies.velocity(slot) - v) * scene.h));
+            let was_far = arm.norm() > reach * (1.0 + SKIN);
             free &= !(was_far && overlap > MISSED * r.min(p.radius[j]));
         });
-        free && scene.placed.iter().zip(0..).all(|(wall, number)| {
+        free && scene.placed.iter().zip(0..).filter(|(wall, _)| !wall.gone).all(|(wall, number)| {
             let beside = scene.beside(number, &x);
             let (x, end) = (beside, end + (beside - x));
             let moved = wall.after(scene.h);
-            let was_far = (wall.point(wall.nearest(&x)) - x).norm() > r * (1.0 + SKIN);
-            !was_far || (moved.point(moved.nearest(&end)) - end).norm() > r * (1.0 - MISSED)
+            let was_near = (wall.point(wall.nearest(&x)) - x).norm() <= r * (1.0 + SKIN);
+            let clear = r * (1.0 - MISSED);
+            let passes_ends = || {
+                let mut ends = wall.points.iter().zip(&moved.points);
+                ends.any(|(from, to)| nearest_on_way(&(from - x), &((to - end) - (from - x))) <= clear)
+            };
+            was_near
+                || (moved.point(moved.nearest(&end)) - end).norm() > clear
+                    && !crossed((wall, &x), (&moved, &end), period.spans(&wall.points))
+                    && !passes_ends()
         })
     }
 

@@ -79,7 +79,7 @@ pub(crate) struct Problem<const D: usize> {
 }
 
 /// Impulses of all contacts, and those of their resistance to rolling, N s.
-#[derive(Default)]
+#[derive(Default, PartialEq)]
 pub(crate) struct Impulses<const D: usize> {
     contacts: Vec<Vector<D>>,
     rolling: Vec<f64>,
@@ -209,25 +209,31 @@ impl<const D: usize> Problem<D> {
         let mut judge =
             |problem: &mut Self| problem.judge::<L>(stopping, grains, Measure::Always, 0.0).excess(stopping);
         let free = Free::new(self, grains);
-        let mut lacks = f64::MAX;
+        let [mut swept, mut best] = [Impulses::default(), Impulses::default()];
+        self.keep_impulses(&mut swept);
+        // The judge does not see how much sweeps still change, which those of the sweeps lack too.
+        let mut lacks = first.excess(stopping);
         for friction in [Friction::Follows, Friction::Held, Friction::Out] {
             // Forces may stay unsolved; that no grain closes may not.
-            if lacks > PASSES && (L::FRICTION || friction == Friction::Follows) {
-                lacks = interior::solve(self, &free, friction, &mut judge);
+            if friction == Friction::Follows || L::FRICTION && lacks > PASSES {
+                lacks = interior::solve(self, &free, friction, lacks, &mut judge);
             }
         }
-        let mut again = 0;
+        self.keep_impulses(&mut best);
+        let (mut outcome, mut again) = (if best == swept { Some(first) } else { None }, 0);
         if lacks > 1.0 {
-            let mut impulses = Impulses::default();
-            self.keep_impulses(&mut impulses);
             let state = self.bodies.state();
-            again = self.sweeps::<L>(stopping, grains).sweeps;
+            let second = self.sweeps::<L>(stopping, grains);
+            again = second.sweeps;
             if free.judge(self, &mut judge) >= lacks {
-                self.put_impulses(&impulses);
+                self.put_impulses(&best);
                 self.bodies.set_state(&state);
+            } else {
+                outcome = Some(second);
             }
         }
-        let outcome = self.judge::<L>(stopping, grains, Measure::Always, 0.0);
+        let outcome =
+            outcome.unwrap_or_else(|| self.judge::<L>(stopping, grains, Measure::Always, 0.0));
         Outcome { sweeps: first.sweeps + again, work: first.work, ..outcome }
     }
 

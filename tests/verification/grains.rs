@@ -3,6 +3,7 @@
 
 mod grains_heat;
 mod grains_identity;
+mod grains_known;
 mod grains_rest;
 mod grains_rolling;
 

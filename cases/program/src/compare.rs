@@ -119,7 +119,7 @@ fn candidates(options: &Options, folder: &Path) -> Result<Vec<Candidate>> {
     for name in &options.fluids {
         let mut sets = vec![format!("fluid.solver.tolerance={LINEAR_TOLERANCE:e}")];
         sets.extend(options.sets.iter().cloned());
-        sets.extend(options.process.sets(Some(name))?);
+        sets.extend(options.process.sets_of(name)?);
         let scene = cases::read(&options.scene, &sets)?;
         let Some(density) = scene.fluid.as_ref().map(|fluid| fluid.density) else {
             let notice = Notice::new("the scene has no fluid", "there is nothing to compare");

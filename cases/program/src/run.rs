@@ -92,6 +92,17 @@ impl Process {
         sets.extend(self.timeout.map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
         Ok(sets)
     }
+
+    /// The same for one of several solvers: what does not concern it, also in the scene, is left out.
+    pub fn sets_of(&self, fluid: &str) -> Result<Vec<String>> {
+        let solver: Solver = fluid.parse().map_err(|error: Notice| Error::input(error.within("--fluids")))?;
+        let here = matches!(solver, Solver::Rust);
+        let mut sets = if here { vec!["fluid.backend={}".to_owned()] } else { vec![] };
+        let transport = self.transport.clone().filter(|_| !here && !matches!(solver, Solver::Attach(_)));
+        let own = Self { transport, timeout: self.timeout.filter(|_| !here), token: None };
+        sets.extend(own.sets(Some(fluid))?);
+        Ok(sets)
+    }
 }
 
 /// The names of schemes.
@@ -274,12 +285,7 @@ impl Run {
                 (simulation, recording)
             }
         };
-        let view = simulation.view();
-        let summary = Summary {
-            grains: view.grains.map_or(0, |grains| grains.position.len()),
-            nodes: view.fluid.map_or(0, |fluid| fluid.mesh.points.len()),
-            cells: view.fluid.map_or(0, |fluid| fluid.mesh.cell_count()),
-            bed_weight_per_area: simulation.bed_weight_per_area(),
+        let mut summary = Summary {
             threads,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene_hash: hash.clone(),
@@ -287,6 +293,7 @@ impl Run {
             changes: changes.iter().map(Change::to_string).collect(),
             ..Summary::default()
         };
+        simulation.sum_up(&mut summary);
         info!("{}", scene.title);
         placing::tell(&beds);
         summary.changes.iter().for_each(|change| info!("changed since the checkpoint: {change}"));
@@ -299,7 +306,7 @@ impl Run {
         );
         let stamp = Stamp { scene_hash: hash, step: simulation.steps(), time: simulation.time() };
         let autosave = scene.output.checkpoint_interval.is_none().then(Instant::now);
-        let watch = Watch::new(scene.stop.as_ref(), recording.slow_since);
+        let watch = Watch::new(scene.stop.as_ref(), recording.slow);
         Ok(Run {
             simulation,
             recording,
@@ -328,7 +335,7 @@ impl Run {
             let report = self.simulation.step()?;
             let (time, wall) = (self.simulation.time(), self.started.elapsed().as_secs_f64());
             let stopped = self.watch.after_step(time, || self.simulation.unrest(), wall);
-            self.recording.slow_since = self.watch.slow_since();
+            self.recording.slow = self.watch.slow();
             let reached = self.record()?;
             let step = self.simulation.steps();
             for remark in self.simulation.remarks() {
@@ -461,6 +468,13 @@ impl Run {
         let (step, time) = (self.simulation.steps(), self.simulation.time());
         let _ = self.recording.frame(step, time, &self.simulation.view());
         self.stamp = Stamp { step, time, ..self.stamp.clone() };
+        // Between the parts of a step there is nothing to go on from.
+        if !self.simulation.is_between_steps() {
+            if checkpoint.exists() {
+                warn!("the run failed within a step; the last checkpoint is {}", checkpoint.display());
+            }
+            return;
+        }
         if let Ok(path) = self.recording.failed(&self.stamp, &self.simulation.last_state()) {
             let larger = if overlap { "with a larger contacts.max_penetration, " } else { "" };
             let time = Rounded(time);

@@ -194,6 +194,9 @@ fn of_scene(file: &Path, task: &Task) -> Result<Answer> {
     Ok(Answer::Done(measured))
 }
 
+/// Numbers of a summary that are of the program `voidage run` and not of the simulation.
+const OF_PROGRAM: [&str; 3] = ["threads", "wall_s", "steps_of_this_process"];
+
 /// A run at a step.
 struct Moment<'a> {
     time: f64,
@@ -220,7 +223,9 @@ impl Moment<'_> {
             }
             Of::Summary(key) => {
                 let all = serde_json::to_value(&self.summary).unwrap_or_default();
-                let known = all.as_object().into_iter().flatten().filter(|(_, value)| value.is_number());
+                let known = all.as_object().into_iter().flatten().filter(|(key, value)| {
+                    value.is_number() && !OF_PROGRAM.contains(&key.as_str())
+                });
                 let known: Vec<&str> = known.map(|(key, _)| key.as_str()).collect();
                 let found = known.contains(&key.as_str()).then(|| all[key].as_f64()).flatten();
                 found.ok_or_else(|| {
@@ -247,18 +252,19 @@ impl Moment<'_> {
 
     fn of_grain(&self, number: usize, column: GrainColumn, axis: usize) -> Result<f64, (String, String)> {
         let wrong = |what: String, help: &str| Err((format!("`of.grain`: {what}"), help.to_owned()));
-        let Some(grains) = self.view.grains.filter(|grains| number < grains.position.len()) else {
+        let place = |id: &[u32]| id.iter().position(|id| *id as usize == number);
+        let Some((grains, k)) = self.view.grains.and_then(|grains| Some((grains, place(grains.id)?))) else {
             let count = self.view.grains.map_or(0, |grains| grains.position.len());
             return wrong(
                 format!("there is no grain {number}"),
-                &format!("there are {count}, numbered from 0"),
+                &format!("there are {count}, numbered from 0; those that have left are gone"),
             );
         };
         let vector = match column {
-            GrainColumn::Position => &grains.position[number],
-            GrainColumn::Velocity => &grains.velocity[number],
+            GrainColumn::Position => &grains.position[k],
+            GrainColumn::Velocity => &grains.velocity[k],
             GrainColumn::Temperature => {
-                let found = grains.temperature.map(|all| all[number]);
+                let found = grains.temperature.map(|all| all[k]);
                 return found.map_or_else(
                     || wrong("grains have no temperature".into(), "use position or velocity"),
                     Ok,

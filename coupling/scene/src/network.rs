@@ -120,7 +120,10 @@ impl Network {
 
 impl StressColumns {
     fn new(grains: &Dem<2>, coupled: &Coupled<2>) -> Self {
-        let stress = grains.stress();
+        let mut stress = grains.stress();
+        if !grains.knows_contacts() {
+            stress.moment.iter_mut().for_each(|moment| moment.fill(f64::NAN));
+        }
         let particles = &grains.particles;
         let area: Vec<f64> = particles.radius.iter().map(|r| std::f64::consts::PI * r * r).collect();
         let part = |k: usize| stress.moment.iter().map(move |moment| moment[(k / 2, k % 2)]);
@@ -138,7 +141,7 @@ impl StressColumns {
             }
         }
         let all: f64 = area.iter().sum();
-        // In a step in which grains left, and at the start, nothing is known of contacts.
+        // At the start nothing is known of contacts.
         let known = |value: f64| if grains.knows_contacts() { value } else { f64::NAN };
         let mut readings: Vec<Reading> = COMPONENTS
             .iter()
@@ -153,7 +156,7 @@ impl StressColumns {
         for (k, name) in [(0, "xx"), (1, "xy"), (3, "yy")] {
             readings.push((format!("fabric_{name}").into(), known(stress.fabric[(k / 2, k % 2)])));
         }
-        let coordination = stress.coordination.iter().map(|n| f64::from(*n)).collect();
+        let coordination = stress.coordination.iter().map(|n| known(f64::from(*n))).collect();
         Self { of_grains, coordination, at_nodes, readings }
     }
 }

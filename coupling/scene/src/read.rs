@@ -135,23 +135,26 @@ impl Scene {
         bare
     }
 
-    /// The course of the run as TOML, without the places of its files: two runs of equal texts and equal files are
-    /// equal.
+    /// The course of the run as TOML, with the hashes of its files in the place of their names: two runs of equal texts
+    /// and equal files are equal.
+    ///
+    /// # Errors
+    /// A file cannot be read.
     pub fn course_toml(&self) -> Result<String> {
         let mut bare = self.course();
-        bare.files_mut().for_each(|file| *file = PathBuf::new());
+        for file in bare.files_mut() {
+            let content = fs::read(&*file).map_err(|error| Error::file(file, "read", error))?;
+            *file = PathBuf::from(blake3::hash(&content).to_hex().as_str());
+        }
         bare.to_toml()
     }
 
-    /// A hash (blake3, hexadecimal) of [`Self::course_toml`] and the content of the files that the scene names. Equal
-    /// hashes: a checkpoint of one restarts the other.
+    /// A hash (blake3, hexadecimal) of [`Self::course_toml`]. Equal hashes: a checkpoint of one restarts the other.
+    ///
+    /// # Errors
+    /// A file cannot be read.
     pub fn hash(&self) -> Result<String> {
-        let mut hasher = blake3::Hasher::new();
-        for file in self.course().files_mut() {
-            hasher.update(&fs::read(&*file).map_err(|error| Error::file(file, "read", error))?);
-        }
-        hasher.update(self.course_toml()?.as_bytes());
-        Ok(hasher.finalize().to_hex().to_string())
+        Ok(blake3::hash(self.course_toml()?.as_bytes()).to_hex().to_string())
     }
 
     /// An error that points at a key of the scene, such as `fluid.boundaries[0].name`; for checks that need more than

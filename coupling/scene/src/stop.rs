@@ -43,23 +43,33 @@ pub struct Reached {
     pub below: Option<f64>,
 }
 
+/// Since when grains have been slow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Slow {
+    /// No grain has been faster than this, m/s,
+    pub speed: f64,
+    /// since this time, s.
+    pub since: f64,
+}
+
 /// Whether a run that goes on has come to what ends it.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
     stop: Stop,
-    /// Time since which no grain has been faster than allowed, s.
-    slow_since: Option<f64>,
+    slow: Option<Slow>,
 }
 
 impl Watch {
-    /// Begins to watch a run; one that goes on has had no fast grain since a time, s.
-    pub fn new(stop: Option<&Stop>, slow_since: Option<f64>) -> Self {
-        Self { stop: stop.cloned().unwrap_or_default(), slow_since }
+    /// Begins to watch a run; in one that goes on grains may have been slow before, which counts for the same bound.
+    pub fn new(stop: Option<&Stop>, slow: Option<Slow>) -> Self {
+        let bound = stop.and_then(|stop| stop.at_rest.as_ref()).map(|at_rest| at_rest.speed);
+        let slow = slow.filter(|slow| Some(slow.speed) == bound);
+        Self { stop: stop.cloned().unwrap_or_default(), slow }
     }
 
-    /// Time since which no grain has been faster than allowed, s; none if one is, or nobody asks.
-    pub fn slow_since(&self) -> Option<f64> {
-        self.slow_since
+    /// Since when no grain has been faster than allowed; none if one is, or nobody asks.
+    pub fn slow(&self) -> Option<Slow> {
+        self.slow
     }
 
     /// After a step: why the run ends at `time`, s, if it does; `speed` is that of the fastest grain, m/s, `wall` the
@@ -68,8 +78,9 @@ impl Watch {
         if let Some(AtRest { speed: bound, during }) = self.stop.at_rest {
             // Written so that a speed that is no number is not at rest.
             let slow = speed() <= bound;
-            self.slow_since = if slow { self.slow_since.or(Some(time)) } else { None };
-            if self.slow_since.is_some_and(|since| time - since >= during) {
+            let begins = Slow { speed: bound, since: time };
+            self.slow = if slow { self.slow.or(Some(begins)) } else { None };
+            if self.slow.is_some_and(|slow| time - slow.since >= during) {
                 return Some(format!(
                     "stop.at_rest: no grain has been faster than {bound} m/s for {during} s"
                 ));
@@ -100,7 +111,10 @@ mod tests {
             [(0.0, 0.0), (0.1, 0.05), (0.15, 0.2), (0.2, 0.05), (0.3, f64::NAN), (0.4, 0.0), (0.55, 0.1)];
         assert!(speeds.iter().all(|(time, speed)| watch.after_step(*time, || *speed, 0.0).is_none()));
         // A run that is stopped and goes on does not begin to count anew.
-        let mut again = Watch::new(Some(&stop), watch.slow_since());
+        let mut again = Watch::new(Some(&stop), watch.slow());
+        // Unless it asks for slower grains than before.
+        let slower = Stop { at_rest: Some(AtRest { speed: 0.099, during: 0.2 }), ..Stop::default() };
+        assert!(Watch::new(Some(&slower), watch.slow()).after_step(0.65, || 0.0, 0.0).is_none());
         for watch in [&mut watch, &mut again] {
             assert!(watch.after_step(0.65, || 0.1, 0.0).unwrap().starts_with("stop.at_rest"));
         }

@@ -123,6 +123,42 @@ struct Answer<const D: usize> {
     through: f64,
 }
 
+/// What a droplet exchanges with gas and grains, in the mean of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exchanged<const D: usize> {
+    /// Force of the gas on it, N.
+    pub gas_force: Vector<D>,
+    /// Force of the grains on it by drag, N.
+    pub grain_force: Vector<D>,
+    /// Force of the pressure of the water on the grains, N.
+    pub pressed: Vector<D>,
+    /// Heat of the gas to it, W.
+    pub gas_heat: f64,
+    /// Heat of the grains to it, W.
+    pub grain_heat: f64,
+    /// Rate of vaporisation, kg/s/m.
+    pub vaporisation: f64,
+}
+
+impl<const D: usize> Exchanged<D> {
+    /// Nothing.
+    pub(crate) fn nothing() -> Self {
+        let none = Vector::zeros();
+        let [gas_heat, grain_heat, vaporisation] = [0.0; 3];
+        Self { gas_force: none, grain_force: none, pressed: none, gas_heat, grain_heat, vaporisation }
+    }
+
+    /// Adds a part that is a `share` of the step.
+    pub(crate) fn add(&mut self, part: &Self, share: f64) {
+        self.gas_force += part.gas_force * share;
+        self.grain_force += part.grain_force * share;
+        self.pressed += part.pressed * share;
+        self.gas_heat += part.gas_heat * share;
+        self.grain_heat += part.grain_heat * share;
+        self.vaporisation += part.vaporisation * share;
+    }
+}
+
 /// A droplet.
 #[derive(Clone, Debug)]
 pub struct Droplet<const D: usize> {
@@ -134,8 +170,10 @@ pub struct Droplet<const D: usize> {
     pub launched: Vector<D>,
     /// Where it is.
     pub state: DropletState<D>,
-    /// What the grains in it did in the last step; zero without grains.
+    /// What the grains in it did in the last part of a step; zero without grains.
     pub settled: Settled<D>,
+    /// What it exchanged in the last step.
+    pub exchanged: Exchanged<D>,
     /// Rate of the loop of what is absorbed and boils in the next step, 1/s; times a step it must stay below some 3.
     pub absorption: f64,
     surface: Surface<D>,
@@ -155,6 +193,8 @@ pub struct Droplet<const D: usize> {
     arrives: f64,
     /// Heat of the grains that boils it in the step in hand, W.
     given: f64,
+    /// Whether the gas has a temperature.
+    hot: bool,
     /// Share of a step that the part in hand is: what is carried is given back in the time of whole steps.
     pub(crate) part: f64,
     /// Directions in which the boundary stops it in the step in hand, with the fastest that it may be there, m/s.
@@ -213,6 +253,7 @@ impl Droplet<2> {
             material,
             state,
             settled: Settled::default(),
+            exchanged: Exchanged::nothing(),
             absorption: 0.0,
             surface,
             weight: follow(mesh, boundary)?,
@@ -224,6 +265,7 @@ impl Droplet<2> {
             boils: 0.0,
             arrives: 1.0,
             given: 0.0,
+            hot: false,
             part: 1.0,
             stops: Vec::new(),
             stiffness: 0.0,

@@ -2,7 +2,7 @@
 
 use super::surface::Surface;
 use super::wet::{Immersion, Settled, Stream, Taken};
-use super::{Answer, Buoyancy, Droplet, DropletState, Material};
+use super::{Answer, Buoyancy, Droplet, DropletState, Exchanged, Material};
 use crate::motion::{LEAST_MEASURE, crushed};
 use crate::scheme::anchored::RETURNED;
 use crate::{Error, Notice, Result};
@@ -56,7 +56,19 @@ impl<const D: usize> Droplet<D> {
         let DropletState { velocity, force, heat, vapour, .. } = self.state;
         self.answer = Answer { velocity, force, heat, vapour, through: 0.0 };
         self.before = velocity;
+        self.go_free();
+    }
+
+    /// Forgets what stopped it in an earlier solution.
+    pub(crate) fn go_free(&mut self) {
         self.stops.clear();
+    }
+
+    /// What the state of a restart has of what it exchanged.
+    pub(crate) fn recall(&mut self) {
+        let DropletState { force, heat, vapour, .. } = self.state;
+        let vaporisation = vapour * self.material.vapour_density;
+        self.exchanged = Exchanged { gas_force: force, gas_heat: heat, vaporisation, ..Exchanged::nothing() };
     }
 
     /// Takes what the grains in it do in the step in hand, as they meet the velocity that it now has.
@@ -72,6 +84,7 @@ impl<const D: usize> Droplet<D> {
 
     /// The droplet as the fluid solver gets it for a step of `dt`, with the temperature among the scalars if `hot`.
     pub(crate) fn body(&mut self, mesh: &Mesh<D>, voidage: &[f64], dt: f64, hot: bool) -> Result<Body<D>> {
+        self.hot = hot;
         let Self { material, state, answer, immersion, .. } = self;
         let pores = &immersion.pores;
         let (mut opening, mut perimeter, mut within) = (-pores.opening, 0.0, 0.0);
@@ -142,7 +155,8 @@ impl<const D: usize> Droplet<D> {
             radius: state.radius,
             expansion,
             motion,
-            evaporation: Some(evaporation),
+            // One that has boiled within a step stays until its end.
+            evaporation: (state.liquid > 0.0).then_some(evaporation),
             blowing: material.choices.blowing,
             solid: immersion.solid.clone(),
         })
@@ -199,6 +213,7 @@ impl<const D: usize> Droplet<D> {
         (state.velocity, state.force) = (Vector::zeros(), Vector::zeros());
         (state.heat, state.vapour, state.gone) = (0.0, 0.0, true);
         (self.settled, self.absorption) = (Settled::default(), 0.0);
+        self.exchanged = Exchanged::nothing();
     }
 
     /// Rate a of the loop of what is absorbed and boils in the next step, 1/s: a = |F| (dQ/dU) / (Q m), with
@@ -206,7 +221,7 @@ impl<const D: usize> Droplet<D> {
     /// 3/a the droplet bounces for want of a shorter one.
     pub(crate) fn absorption_rate(&self, absorption: f64) -> f64 {
         let boils = self.answer.vapour * self.material.vapour_density * self.material.latent_heat;
-        match absorption > 0.0 && boils > 0.0 && !self.material.held {
+        match absorption > 0.0 && boils > 0.0 && self.state.liquid > 0.0 && !self.material.held {
             true => self.answer.force.norm() * absorption / (boils * self.mass()),
             false => 0.0,
         }
@@ -232,6 +247,7 @@ impl<const D: usize> Droplet<D> {
         let BodyAnswer { velocity, vapour } = *body;
         let Material { vapour_density, latent_heat, choices, .. } = &self.material;
         let heat = match choices.heat_flux {
+            HeatFlux::Reaction if !self.hot => 0.0,
             HeatFlux::Reaction => balance.scalars.get(crate::HEAT).map_or(0.0, |given| -given),
             // What boiled it beside the grains.
             HeatFlux::Gradient => vapour * vapour_density * latent_heat - self.given,
@@ -323,6 +339,14 @@ impl<const D: usize> Droplet<D> {
         self.boils = boils;
         (state.velocity, state.force, state.heat, state.vapour) =
             (answer.velocity, answer.force, answer.heat, answer.vapour);
+        self.exchanged = Exchanged {
+            gas_force: answer.force,
+            grain_force: settled.force,
+            pressed: settled.pressed,
+            gas_heat: answer.heat,
+            grain_heat: settled.heat,
+            vaporisation: rate,
+        };
         if let Some((centre, radius)) = place {
             let pores = grains(&self.surface, &centre, radius).pores;
             self.state.volume += pores - self.immersion.pores.volume;

@@ -8,6 +8,7 @@
 //! Where a droplet moves so far that a cell of the mesh would turn over, the domain is remeshed first.
 
 use super::Scheme;
+use crate::droplet::Exchanged;
 use crate::{Agreement, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -81,6 +82,7 @@ struct Mean<const D: usize> {
     walls: (Vec<Vector<D>>, Vec<f64>, Vec<f64>),
     /// The parts of the boundary.
     balances: Vec<Balance<D>>,
+    droplet: Option<Exchanged<D>>,
 }
 
 /// Adds a column times a share to its sum, which may be empty yet.
@@ -115,11 +117,21 @@ impl<const D: usize> Mean<D> {
         }
     }
 
+    /// Adds what a droplet exchanged in a part that has been accepted.
+    fn add_droplet(&mut self, mixture: &Mixture<D>, share: f64) {
+        if let Some(droplet) = &mixture.fluid.droplet {
+            self.droplet.get_or_insert_with(Exchanged::nothing).add(&droplet.exchanged, share);
+        }
+    }
+
     /// Puts the means in the place of what the last part gave.
     fn put(self, mixture: &mut Mixture<D>) {
         (mixture.interaction.force, mixture.interaction.heat) = self.grains;
         mixture.grains.set_walls(self.walls.0, self.walls.1, self.walls.2);
         mixture.fluid.solution.balances = self.balances;
+        if let (Some(droplet), Some(exchanged)) = (&mut mixture.fluid.droplet, self.droplet) {
+            droplet.exchanged = exchanged;
+        }
     }
 }
 
@@ -208,6 +220,9 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             // Parts that were not accepted do not count.
             grains = report.grains.map(|now| now.after(grains.as_ref()));
             mixture.accept_part(part.dt, &mut report)?;
+            if let Some(mean) = &mut mean {
+                mean.add_droplet(mixture, f64::from(length) / f64::from(most));
+            }
             done += length;
             // As long again as the parts that are left allow, unless that is known to be too far.
             let mut next = 2.0 * used;

@@ -87,6 +87,9 @@ impl<const D: usize> Trial<D> for Iterated<D> {
         self.relaxer.restart();
         let (mut cautious, mut last, mut solves) = (false, f64::INFINITY, 0);
         loop {
+            if runs_away(report) {
+                return Ok(Agreement { solves, ..Agreement::default() });
+            }
             solves += 1;
             let substeps = report.grains.map_or(1, |grains| grains.substeps);
             let returned = if solves == 1 { RETURNED } else { 1.0 };
@@ -94,6 +97,9 @@ impl<const D: usize> Trial<D> for Iterated<D> {
             mixture.solve_fluid(dt, report)?;
             self.answer.read(mixture);
             mixture.drive_grains(dt, &self.answer, report)?;
+            if runs_away(report) {
+                return Ok(Agreement { solves, ..Agreement::default() });
+            }
             let mut agreement = Agreement { solves, ..agreement(mixture, part) };
             agreement.converged = self.iteration.accepts(&agreement);
             if agreement.converged || solves >= self.iteration.most {
@@ -114,7 +120,7 @@ impl<const D: usize> Trial<D> for Iterated<D> {
     }
 
     /// Books what the grains got, and carries what the fluid did not lose for it and where it had them else.
-    fn settle(&mut self, mixture: &mut Mixture<D>, Part { dt, .. }: Part, agreement: Agreement) -> Agreement {
+    fn settle(&mut self, mixture: &mut Mixture<D>, Part { dt, whole }: Part, agreement: Agreement) -> Agreement {
         let Some(mut carried) = mixture.interaction.carried.take() else { return agreement };
         let forcing = &self.answer;
         for i in 0..mixture.felt().len() {
@@ -133,13 +139,21 @@ impl<const D: usize> Trial<D> for Iterated<D> {
             }
         }
         let total = carried.impulse.iter().sum::<Vector<D>>().norm();
-        let scale = interaction.force.iter().map(|force| force.norm()).sum::<f64>() * dt;
+        let gravity = grains.settings().gravity.norm();
+        let all = interaction.force.iter().zip(&grains.particles.mass);
+        let weight = |mass: f64| if mass.is_finite() { mass * gravity } else { 0.0 };
+        let scale = all.map(|(force, mass)| force.norm() + weight(*mass)).sum::<f64>() * whole;
         interaction.carried = Some(carried);
         Agreement {
             carried: if total == 0.0 { 0.0 } else { total / scale.max(f64::MIN_POSITIVE) },
             ..agreement
         }
     }
+}
+
+/// Whether a grain would have gone too far, so that none has moved: there is nothing to compare then.
+fn runs_away(report: &StepReport) -> bool {
+    report.grains.is_some_and(|grains| grains.runaway.is_some())
 }
 
 /// Moves the grains under a forcing on trial: only the response is kept.

@@ -3,7 +3,10 @@
 use super::Dem;
 use crate::Vector;
 use crate::bonds::Bonds;
+use crate::heat::Conductor;
 use crate::memory::{Record, WALL};
+use crate::search::Search;
+use crate::solver::Problem;
 use serde::{Deserialize, Serialize};
 
 /// What a grain touches.
@@ -48,33 +51,62 @@ pub struct ContactForce<const D: usize> {
     pub rolling: f64,
 }
 
+/// Number of a grain that is no longer there.
+pub(super) const GONE: u32 = u32::MAX;
+
+/// The contacts of the last sub-step, put aside when grains came or left after it.
+pub(super) struct Last<const D: usize> {
+    pub search: Search<D>,
+    pub problem: Problem<D>,
+    pub conductor: Conductor,
+    /// Number that each grain of that sub-step has now, or [`GONE`].
+    pub number: Vec<u32>,
+}
+
 impl<const D: usize> Dem<D> {
     /// How contacts bind each grain, by those that carried an impulse in the last sub-step.
     pub fn bonds(&self, out: &mut Bonds) {
         out.find(&self.particles, self.search.forces(&self.problem, self.memory.h));
     }
 
-    /// Whether [`Self::contacts`] lists those of the last sub-step: not at the start, after a restart, and in a step
-    /// in which grains left, until the next one.
+    /// Whether [`Self::contacts`] lists those of the last sub-step: not at the start and after a restart, until the
+    /// next step.
     pub fn knows_contacts(&self) -> bool {
         self.known
     }
 
-    /// Contacts of the last sub-step, also those that carry nothing; none after a restart until the next step.
+    /// Where the contacts of the last sub-step are.
+    fn last(&self) -> (&Search<D>, &Problem<D>, &Conductor) {
+        self.last.as_ref().map_or((&self.search, &self.problem, &self.conductor), |last| {
+            (&last.search, &last.problem, &last.conductor)
+        })
+    }
+
+    /// The number that a grain of the last sub-step has now, if it is still there.
+    fn now(&self, grain: u32) -> Option<u32> {
+        let number = self.last.as_ref().map_or(grain, |last| last.number[grain as usize]);
+        (number != GONE).then_some(number)
+    }
+
+    /// Contacts of the last sub-step between those that are still there, also contacts that carry nothing; none after
+    /// a restart until the next step.
     pub fn contacts(&self) -> impl Iterator<Item = Contact<D>> + '_ {
-        let n = self.search.grid.grain_of.len();
+        let (search, problem, _) = self.last();
+        let grain_of = &search.grid.grain_of;
         let h = self.memory.h;
-        self.problem.contacts.iter().enumerate().map(move |(k, c)| Contact {
-            grain: self.search.grid.grain_of[c.i as usize],
-            partner: if (c.j as usize) < n {
-                Partner::Grain(self.search.grid.grain_of[c.j as usize])
-            } else {
-                Partner::Wall(self.search.touches[c.j as usize - n].wall)
-            },
-            normal: c.normal,
-            force: c.impulse / h,
-            rolling: self.problem.rolling.get(k).map_or(0.0, |r| r.impulse.get() / h),
-            gap: c.bias * h,
+        problem.contacts.iter().enumerate().filter_map(move |(k, c)| {
+            let partner = match grain_of.get(c.j as usize) {
+                Some(grain) => Partner::Grain(self.now(*grain)?),
+                None => Partner::Wall(search.touches[c.j as usize - grain_of.len()].wall),
+            };
+            Some(Contact {
+                grain: self.now(grain_of[c.i as usize])?,
+                partner,
+                normal: c.normal,
+                force: c.impulse / h,
+                rolling: problem.rolling.get(k).map_or(0.0, |r| r.impulse.get() / h),
+                gap: c.bias * h,
+            })
         })
     }
 
@@ -82,15 +114,15 @@ impl<const D: usize> Dem<D> {
     /// grain (W; zero without conduction).
     pub fn carriers(&self) -> impl Iterator<Item = (Contact<D>, f64)> + '_ {
         let wall = |wall: u32| self.walls[wall as usize].temperature.unwrap_or(0.0);
-        let mut heats = self.conductor.fluxes(wall).peekable();
+        let still = |(i, j, heat): (u32, u32, f64)| {
+            let partner = if j & WALL == 0 { Partner::Grain(self.now(j)?) } else { Partner::Wall(j & !WALL) };
+            Some((self.now(i)?, partner, heat))
+        };
+        let mut heats = self.last().2.fluxes(wall).filter_map(still).peekable();
         let acting = self.contacts().filter(|c| c.force.iter().any(|f| *f != 0.0));
         acting.map(move |contact| {
-            let other = match contact.partner {
-                Partner::Grain(j) => j,
-                Partner::Wall(wall) => WALL | wall,
-            };
             // Not every contact conducts.
-            let heat = heats.next_if(|(i, j, _)| (*i, *j) == (contact.grain, other));
+            let heat = heats.next_if(|(grain, partner, _)| (*grain, *partner) == (contact.grain, contact.partner));
             (contact, heat.map_or(0.0, |(.., heat)| heat))
         })
     }

@@ -1,13 +1,13 @@
 //! Grains that come and go, and laws that change, while a run goes on.
 
 use super::Dem;
+use super::forces::{GONE, Last};
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::particles::retain;
 use crate::saved::Saved;
-use crate::search::Search;
-use crate::solver::Problem;
 use crate::{Heat, Material, Particles, Rotation, Settings, Vector, Wall};
+use std::mem::take;
 
 impl<const D: usize> Dem<D> {
     /// Takes grains out of the run: those that are not marked. Contacts of the others stay.
@@ -21,7 +21,13 @@ impl<const D: usize> Dem<D> {
         retain(&mut self.contact_heat, keep);
         retain(&mut self.mean_velocity, keep);
         retain(&mut self.mean_temperature, keep);
+        let mut kept = 0..;
+        let number: Vec<u32> =
+            keep.iter().map(|keep| if *keep { kept.next().unwrap_or(GONE) } else { GONE }).collect();
         self.renumber();
+        if let Some(last) = &mut self.last {
+            last.number.iter_mut().filter(|k| **k != GONE).for_each(|k| *k = number[*k as usize]);
+        }
     }
 
     /// Adds grains after those that are there, with the numbers for life that they have. Contacts of the others stay.
@@ -51,11 +57,20 @@ impl<const D: usize> Dem<D> {
         Ok(())
     }
 
-    /// Forgets what holds grains by their old numbers: it is made again.
+    /// Puts what holds grains by their old numbers aside; it is made again.
     fn renumber(&mut self) {
-        (self.search, self.problem, self.saved) = (Search::default(), Problem::default(), Saved::default());
-        (self.after, self.conductor) = (vec![], Conductor::default());
-        self.known = false;
+        let (search, problem, conductor) = (take(&mut self.search), take(&mut self.problem), take(&mut self.conductor));
+        if self.known && self.last.is_none() {
+            let number = (0..search.grid.grain_of.len() as u32).collect();
+            self.last = Some(Last { search, problem, conductor, number });
+        }
+        (self.saved, self.after) = (Saved::default(), vec![]);
+    }
+
+    /// Forgets the contacts of the last sub-step.
+    pub(super) fn forget(&mut self) {
+        self.renumber();
+        (self.known, self.last) = (false, None);
     }
 
     /// Other coefficients of walls and materials, and other settings, from now on; as many walls and materials as
@@ -81,6 +96,9 @@ impl<const D: usize> Dem<D> {
         let changed = Self::new(alike, walls, materials, settings)?;
         (self.walls, self.materials) = (changed.walls, changed.materials);
         (self.settings, self.laws) = (changed.settings, changed.laws);
+        if self.settings.conduction.is_none() {
+            self.conductor = Conductor::default();
+        }
         Ok(())
     }
 }

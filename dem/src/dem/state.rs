@@ -92,6 +92,7 @@ impl<const D: usize> Dem<D> {
                 self.walls.len()
             )));
         }
+        self.forget();
         self.time = state.time;
         self.particles = state.particles;
         self.memory = state.memory;

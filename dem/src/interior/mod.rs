@@ -232,17 +232,18 @@ impl<const D: usize> Interior<D> {
     }
 }
 
-/// Leads the problem to a solution. `judge` tells what its impulses and velocities lack (solved up to 1); those of
-/// the best point stay, and what they lack is returned. With any `friction` but Coulomb's the problem is convex and
+/// Leads the problem to a solution from impulses that lack something. `judge` tells what impulses and velocities lack
+/// (solved up to 1); those of the best point stay, and what they lack is returned. With any `friction` but Coulomb's the problem is convex and
 /// has a solution, in which no grain passes through another.
 pub(crate) fn solve<const D: usize>(
     problem: &mut Problem<D>,
     free: &Free<D>,
     friction: Friction,
+    lacks: f64,
     judge: &mut dyn FnMut(&mut Problem<D>) -> f64,
 ) -> f64 {
     let warm: Vec<Vector<D>> = problem.contacts.iter().map(|c| c.impulse).collect();
-    let mut best = (free.judge(problem, judge), warm);
+    let mut best = (free.judge(problem, judge).max(lacks), warm);
     let mut taken = vec![false; problem.contacts.len()];
     for round in 1..=ROUNDS {
         if round == ROUNDS {

@@ -139,7 +139,9 @@ fn settle(
     let (mut before, mut sunk_before) = (dem.particles.position.clone(), f64::INFINITY);
     while settled.steps < how.max_steps && !settled.at_rest {
         tell(observer, Progress::Settling { step: settled.steps, of: how.max_steps, speed: settled.speed })?;
-        dem.step(dt, &Load::default());
+        if dem.step(dt, &Load::default()).runaway.is_some() {
+            break;
+        }
         settled.steps += 1;
         settled.speed = mean_square(&mut dem.particles.velocity.iter().map(|v| v.norm_squared()));
         if settled.steps.is_multiple_of(WINDOW) {

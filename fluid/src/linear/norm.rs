@@ -77,7 +77,7 @@ impl Norm {
 
 /// The largest norm; one that is no number counts as largest.
 fn largest<const B: usize>(norms: &[f64; B]) -> f64 {
-    norms.iter().fold(0.0, |largest, &norm| if norm <= largest { largest } else { norm })
+    norms.iter().fold(0.0, |largest, &norm| if norm <= largest || largest.is_nan() { largest } else { norm })
 }
 
 /// 2-norm of w v for each component of the blocks.

@@ -101,9 +101,13 @@ pub fn differences(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> Resul
     chart(path, "log10 of the relative difference", &curves, None)
 }
 
-/// A chart whose axes show all points, and this value too.
+/// A chart whose axes show all points that are numbers, and this value too; none without a point.
 fn chart(path: &Path, label_y: &str, curves: &[Curve], with: Option<f64>) -> Result<()> {
-    let points = || curves.iter().flat_map(|curve| &curve.points);
+    let are_numbers = |(x, y): &&(f64, f64)| x.is_finite() && y.is_finite();
+    let points = || curves.iter().flat_map(|curve| &curve.points).filter(are_numbers);
+    if points().next().is_none() {
+        return Ok(());
+    }
     let end = points().map(|point| point.0).fold(0.0, f64::max);
     let end = if end > 0.0 { end } else { 1.0 };
     let heights = || points().map(|point| point.1).chain(with);
@@ -137,7 +141,7 @@ fn chart(path: &Path, label_y: &str, curves: &[Curve], with: Option<f64>) -> Res
             .draw()?;
         let pixel = pixels(1);
         for curve in curves {
-            let points = curve.points.iter().copied();
+            let points = curve.points.iter().filter(are_numbers).copied();
             let name = curve.name.as_str();
             match curve.style {
                 Style::Solid(colour, width) => {

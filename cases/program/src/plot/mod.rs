@@ -118,6 +118,13 @@ fn temperature(folder: &Path, scene: &Scene, series: &Table) -> Result<Option<Pa
     else {
         return Ok(None);
     };
+    // Before the first grain has come there is no temperature.
+    let rows = time.iter().copied().zip(mean.iter().copied()).filter(|(_, mean)| mean.is_finite());
+    let (time, mean): (Vec<f64>, Vec<f64>) = rows.unzip();
+    let (time, mean) = (&time[..], &mean[..]);
+    if mean.is_empty() {
+        return Ok(None);
+    }
     let fit = fit::exponential(time, mean, outer_temperature(scene));
     if let Some(fit) = &fit {
         info!("mean grain temperature: time constant {:.3} s towards {:.2} K", fit.time_constant, fit.limit);

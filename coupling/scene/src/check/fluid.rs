@@ -324,6 +324,10 @@ pub(super) fn droplet(scene: &Scene, droplet: &Droplet) -> Checked {
         let message = "`[droplet]` is there, but no fluid";
         return fail(scene, "droplet", message, "add `[fluid]`, or take it away");
     };
+    if scene.grains_have_heat() && !scene.fluid_has_heat() {
+        let message = "grains have a temperature, but the fluid around the droplet has none";
+        return fail(scene, "droplet", message, "add `[fluid.heat]`, or take the temperatures of the grains away");
+    }
     let Liquid { density, viscosity, heat_capacity, conductivity } = droplet.liquid;
     for (key, value) in [
         ("temperature", droplet.temperature),

@@ -90,7 +90,14 @@ fn check_wall(scene: &Scene, path: &str, wall: &Wall) -> Checked {
     wall.rolling.map_or(Ok(()), |value| within(scene, &format!("{path}.rolling"), value, 0.0, 1.0))?;
     wall.restitution
         .map_or(Ok(()), |value| within(scene, &format!("{path}.restitution"), value, 0.0, 1.0))?;
-    wall.temperature.map_or(Ok(()), |value| positive(scene, &format!("{path}.temperature"), value))?;
+    if let Some(temperature) = wall.temperature {
+        let key = format!("{path}.temperature");
+        positive(scene, &key, temperature)?;
+        if scene.contacts.as_ref().is_none_or(|contacts| contacts.conduction.is_none()) {
+            let message = format!("`{key}` is there, but contacts conduct no heat");
+            return fail(scene, &key, message, "add `contacts.conduction`, or take it away");
+        }
+    }
     wall.until.map_or(Ok(()), |value| positive(scene, &format!("{path}.until"), value))?;
     match &wall.motion {
         None => Ok(()),

@@ -47,8 +47,10 @@ struct Recipe<'a> {
     solidity: f64,
     placement: &'a Placement,
     material: &'a scene::Material,
-    mixed: Vec<(&'a scene::Grains, &'a scene::Material)>,
+    mixed: Vec<(usize, &'a scene::Grains, &'a scene::Material)>,
     contacts: &'a Option<scene::Contacts>,
+    /// Names of the materials of the group and the walls, by which contacts have laws of pairs.
+    names: Vec<Option<&'a String>>,
     walls: Vec<Wall<2>>,
     periodic: &'a Option<scene::Periodic>,
     gravity: f64,
@@ -64,11 +66,15 @@ pub(super) fn hash(scene: &Scene, k: usize) -> Result<String> {
         placement: &group.placement,
         material: &scene.materials[&group.material],
         mixed: if mixture(scene, k) {
-            members(scene, k).map(|(_, group)| (group, &scene.materials[&group.material])).collect()
+            members(scene, k).map(|(k, group)| (k, group, &scene.materials[&group.material])).collect()
         } else {
             vec![]
         },
         contacts: &scene.contacts,
+        names: [Some(&group.material)]
+            .into_iter()
+            .chain(scene.walls.iter().map(|wall| wall.material.as_ref()))
+            .collect(),
         walls: scene.walls.iter().map(|wall| build::wall(scene, wall)).collect(),
         periodic: &scene.periodic,
         gravity: scene.gravity.vector::<2>().norm(),

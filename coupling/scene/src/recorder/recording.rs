@@ -5,6 +5,7 @@ use super::{
     create_folder, with_unit, write_grains, write_lines, write_mesh, write_whole,
 };
 use crate::network::{COMPONENTS, Network, StressColumns};
+use crate::stop::Slow;
 use crate::{Output, Scene};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -25,8 +26,8 @@ pub const FAILED: &str = "failed.voidage";
 pub struct Kept {
     /// The averages so far.
     pub averages: Option<Averages>,
-    /// Time since which no grain has been faster than `stop.at_rest` allows, s.
-    pub slow_since: Option<f64>,
+    /// Since when no grain has been faster than `stop.at_rest` allows.
+    pub slow: Option<Slow>,
     /// What decides the course of the run, [`Scene::course_toml`].
     pub course: String,
 }
@@ -72,8 +73,8 @@ pub struct Recording {
     fluid: Collection,
     contacts: Collection,
     averages: Option<Averages>,
-    /// What goes to [`Kept::slow_since`].
-    pub slow_since: Option<f64>,
+    /// What goes to [`Kept::slow`].
+    pub slow: Option<Slow>,
 }
 
 impl Recording {
@@ -98,11 +99,12 @@ impl Recording {
             None => drop(recording.record(0, 0.0, view, readings)?),
             Some(from) => recording.frame(from.stamp.step, from.stamp.time, view)?,
         }
-        recording.slow_since = slow_since(checkpoint)?;
+        recording.slow = slow(checkpoint)?;
         Ok(recording)
     }
 
-    /// Goes on with the files of an earlier run, cut back to the time of the checkpoint.
+    /// Goes on with the files of an earlier run, cut back to the time of the checkpoint. What is there of this time only
+    /// because the run ended then is taken away, so that the files are those of a run that was left alone.
     pub fn resume<const D: usize>(
         folder: OutputFolder,
         scene: &Scene,
@@ -112,15 +114,17 @@ impl Recording {
     ) -> Result<Recording> {
         let at = |name: &str| folder.path().join(name);
         create_folder(&at("frames"))?;
-        let time = checkpoint.stamp.time;
-        let series = Series::resume(&at("series.csv"), &columns(scene, view, readings), time)?;
-        let grains = Collection::resume(&at("grains.pvd"), time)?;
-        let fluid = Collection::resume(&at("fluid.pvd"), time)?;
-        let contacts = Collection::resume(&at("contacts.pvd"), time)?;
+        let (time, dt) = (checkpoint.stamp.time, scene.time.step);
+        let due = due(&scene.output, dt, scene.time.steps(), (time / dt).round() as u64);
+        let until = |due: bool| if due { time } else { time.next_down() };
+        let series =
+            Series::resume(&at("series.csv"), &columns(scene, view, readings), until(due.series))?;
+        let frames = |name: &str| Collection::resume(&at(name), until(due.frame));
+        let (grains, fluid, contacts) = (frames("grains.pvd")?, frames("fluid.pvd")?, frames("contacts.pvd")?);
         folder.reopen(|frame| grains.has(frame) || fluid.has(frame) || contacts.has(frame))?;
         let averages = kept_averages(scene, view, Some(checkpoint))?;
         let mut recording = Recording::new(folder, scene, series, [grains, fluid, contacts], averages)?;
-        recording.slow_since = slow_since(Some(checkpoint))?;
+        recording.slow = slow(Some(checkpoint))?;
         recording.write_averages()?;
         Ok(recording)
     }
@@ -145,7 +149,7 @@ impl Recording {
             fluid,
             contacts,
             averages,
-            slow_since: None,
+            slow: None,
         })
     }
 
@@ -156,29 +160,7 @@ impl Recording {
 
     /// What is due after this many steps.
     pub fn due(&self, step: u64) -> Due {
-        let time = step as f64 * self.step;
-        let every = |interval: Option<f64>| {
-            interval.is_some_and(|interval| step.is_multiple_of(self.steps(interval)))
-        };
-        let at_the_ends = step == 0 || step == self.last_step;
-        let snapshot = self.output.snapshots.iter().any(|at| (at / self.step).round() as u64 == step);
-        let slack = 0.5 * self.step;
-        let average = self.output.average.as_ref().is_some_and(|average| {
-            let inside = time > average.from - slack && time < average.to + slack && step > 0;
-            inside && step.is_multiple_of(average.interval.map_or(1, |interval| self.steps(interval)))
-        });
-        Due {
-            series: at_the_ends
-                || self.output.series_interval.is_none()
-                || every(self.output.series_interval),
-            frame: at_the_ends || snapshot || every(self.output.frame_interval),
-            average,
-            checkpoint: step == self.last_step || (step > 0 && every(self.output.checkpoint_interval)),
-        }
-    }
-
-    fn steps(&self, interval: f64) -> u64 {
-        (interval / self.step).round().max(1.0) as u64
+        due(&self.output, self.step, self.last_step, step)
     }
 
     /// Writes what is due after this many steps, but for the checkpoint; returns the row of the series, if one is due.
@@ -232,7 +214,7 @@ impl Recording {
 
     /// What a checkpoint has of this run beside the state of the simulation.
     pub fn kept(&self) -> Kept {
-        Kept { averages: self.averages.clone(), slow_since: self.slow_since, course: self.course.clone() }
+        Kept { averages: self.averages.clone(), slow: self.slow, course: self.course.clone() }
     }
 
     /// Writes the checkpoint, and the averages so far.
@@ -241,6 +223,7 @@ impl Recording {
     /// They cannot be written, or somebody else has changed the series.
     pub fn checkpoint(&self, stamp: &Stamp, state: &impl Serialize) -> Result<PathBuf> {
         self.series.check()?;
+        self.series.sync()?;
         let path = self.folder().join(CHECKPOINT);
         // Before the checkpoint: a run that is killed between the two goes on from the one before, and writes them
         // again.
@@ -268,10 +251,30 @@ impl Recording {
     }
 }
 
-fn slow_since(checkpoint: Option<&Checkpoint>) -> Result<Option<f64>> {
+/// What is due after `step` steps of `dt` seconds in a run that ends after `last` steps.
+fn due(output: &Output, dt: f64, last: u64, step: u64) -> Due {
+    let time = step as f64 * dt;
+    let steps = |interval: f64| (interval / dt).round().max(1.0) as u64;
+    let every = |interval: Option<f64>| interval.is_some_and(|interval| step.is_multiple_of(steps(interval)));
+    let at_the_ends = step == 0 || step == last;
+    let snapshot = output.snapshots.iter().any(|at| (at / dt).round() as u64 == step);
+    let slack = 0.5 * dt;
+    let average = output.average.as_ref().is_some_and(|average| {
+        let inside = time > average.from - slack && time < average.to + slack && step > 0;
+        inside && step.is_multiple_of(average.interval.map_or(1, steps))
+    });
+    Due {
+        series: at_the_ends || output.series_interval.is_none() || every(output.series_interval),
+        frame: at_the_ends || snapshot || every(output.frame_interval),
+        average,
+        checkpoint: step == last || (step > 0 && every(output.checkpoint_interval)),
+    }
+}
+
+fn slow(checkpoint: Option<&Checkpoint>) -> Result<Option<Slow>> {
     let Some(checkpoint) = checkpoint else { return Ok(None) };
     let kept: Kept = checkpoint.recorder()?;
-    Ok(kept.slow_since)
+    Ok(kept.slow)
 }
 
 /// The averages to go on with: those of the checkpoint, if the scene asks for the same.
@@ -321,8 +324,11 @@ pub fn readings<const D: usize>(
 /// # Errors
 /// It has.
 pub fn check_averages<const D: usize>(scene: &Scene, view: &View<D>) -> Result<()> {
-    let (Some(average), Some([lower, upper])) = (&scene.output.average, extent(scene, view)) else {
-        return Ok(());
+    let Some(average) = &scene.output.average else { return Ok(()) };
+    let extent = extent(scene, view).filter(|[lower, upper]| lower[0] < upper[0] && lower[1] < upper[1]);
+    let Some([lower, upper]) = extent else {
+        let message = "`output.average`: neither a fluid nor walls nor grains say where";
+        return Err(scene.error("output.average", message, "enclose the grains with walls"));
     };
     let squares = [0, 1].map(|axis| (upper[axis] - lower[axis]) / average.cell).iter().product::<f64>();
     if squares <= MOST_SQUARES {

@@ -84,6 +84,14 @@ impl Series {
         Err(Error::run(Notice::new(what, "run again, and leave the folder alone until it ends")))
     }
 
+    /// Waits until the rows are on the disk, so that a checkpoint never outlives rows before it.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    pub fn sync(&self) -> Result<()> {
+        self.file.sync_data().map_err(|error| Error::file(&self.path, "write", error))
+    }
+
     /// The columns.
     pub fn columns(&self) -> &[String] {
         &self.columns

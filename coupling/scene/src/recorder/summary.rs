@@ -30,7 +30,7 @@ pub struct Summary {
     pub wall_s: f64,
     /// Wall time by phase of this process, s: overlap, closure, energy, flow, contacts, output, ..
     pub phases_s: BTreeMap<String, f64>,
-    /// Number of grains.
+    /// Number of grains, at the end, as are the other numbers.
     pub grains: usize,
     /// Number of nodes of the fluid mesh.
     pub nodes: usize,

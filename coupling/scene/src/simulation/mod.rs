@@ -26,7 +26,8 @@ pub struct Simulation {
     dt: f64,
     last: StepReport,
     totals: Totals,
-    bed_weight_per_area: Option<f64>,
+    /// Mass (kg per metre of depth) and volume (m2) of the grains at time zero; those that are held excepted.
+    bed: [f64; 2],
     /// Overlap of grains, as a share of the radius, that ends the run.
     max_penetration: f64,
     /// Height of the highest grain at time zero, m; zero without grains.
@@ -100,7 +101,7 @@ impl Simulation {
     /// Those of [`build::placed`].
     pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<Self> {
         let coupled = build::placed(scene, host, placing)?;
-        let bed_weight_per_area = bed_weight_per_area(&coupled);
+        let bed = bed(&coupled);
         let (last, totals, dt) = (StepReport::default(), Totals::default(), scene.time.step);
         let max_penetration = scene.contacts.clone().unwrap_or_default().max_penetration;
         let surface = coupled.grains().map_or(0.0, |grains| {
@@ -119,7 +120,7 @@ impl Simulation {
             dt,
             last,
             totals,
-            bed_weight_per_area,
+            bed,
             max_penetration,
             surface,
             gas,
@@ -204,9 +205,26 @@ impl Simulation {
         &self.totals
     }
 
-    /// Weight of the grains less buoyancy, over the width of the mesh, Pa; with grains and fluid only.
+    /// Whether the last step is done: not if the run failed after some of its parts.
+    pub fn is_between_steps(&self) -> bool {
+        let steps = self.time() / self.dt;
+        (steps - steps.round()).abs() <= 1e-3
+    }
+
+    /// Weight of the grains at time zero less buoyancy, (m - rho_f V) g over the extent of the mesh across gravity, Pa;
+    /// with grains, fluid and gravity only.
     pub fn bed_weight_per_area(&self) -> Option<f64> {
-        self.bed_weight_per_area
+        let coupled = &self.coupled;
+        let (grains, fluid, interaction) = (coupled.grains()?, coupled.fluid()?, coupled.interaction()?);
+        let gravity = grains.settings().gravity;
+        if gravity.norm() == 0.0 {
+            return None;
+        }
+        let across = Vector::<2>::new(-gravity[1], gravity[0]).normalize();
+        let (lower, upper) = fluid.mesh.bounds();
+        let width = (upper - lower).abs().dot(&across.abs());
+        let [mass, volume] = self.bed;
+        Some((mass - interaction.laws.density * volume) * gravity.norm() / width)
     }
 
     /// What has to be said of the steps of this process that fell short of something, a line each.
@@ -285,6 +303,11 @@ impl Simulation {
         let totals = &self.totals;
         summary.steps = self.steps();
         summary.time_s = self.time();
+        let view = self.view();
+        summary.grains = view.grains.map_or(0, |grains| grains.position.len());
+        summary.nodes = view.fluid.map_or(0, |fluid| fluid.mesh.points.len());
+        summary.cells = view.fluid.map_or(0, |fluid| fluid.mesh.cell_count());
+        summary.bed_weight_per_area = self.bed_weight_per_area();
         summary.max_penetration_over_radius = totals.max_penetration_over_radius;
         summary.penetrating_steps = totals.max_penetration_over_radius.map(|_| totals.penetrating.steps);
         summary.unconverged_steps = totals.unconverged.steps;
@@ -374,23 +397,10 @@ impl Simulation {
     }
 }
 
-/// (m - rho_f V) g over the extent of the mesh across gravity, grains that are held excepted.
-fn bed_weight_per_area(coupled: &Coupled<2>) -> Option<f64> {
-    let (grains, fluid, interaction) = (coupled.grains()?, coupled.fluid()?, coupled.interaction()?);
-    let gravity = grains.settings().gravity;
-    if gravity.norm() == 0.0 {
-        return None;
-    }
-    let across = Vector::<2>::new(-gravity[1], gravity[0]).normalize();
-    let (lower, upper) = fluid.mesh.bounds();
-    let width = (upper - lower).abs().dot(&across.abs());
-    let particles = &grains.particles;
-    let mass: f64 = particles
-        .mass
-        .iter()
-        .zip(&particles.volume)
-        .filter(|(mass, _)| mass.is_finite())
-        .map(|(mass, volume)| mass - interaction.laws.density * volume)
-        .sum();
-    Some(mass * gravity.norm() / width)
+/// Mass and volume of the grains that are not held.
+fn bed(coupled: &Coupled<2>) -> [f64; 2] {
+    let Some(grains) = coupled.grains() else { return [0.0; 2] };
+    let all = grains.particles.mass.iter().zip(&grains.particles.volume);
+    let free = all.filter(|(mass, _)| mass.is_finite());
+    free.fold([0.0; 2], |[mass, volume], (m, v)| [mass + m, volume + v])
 }

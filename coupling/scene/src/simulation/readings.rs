@@ -183,7 +183,7 @@ pub(super) fn turning(scene: &Scene) -> Option<(String, Motion<2>)> {
 
 /// Where a droplet is and what it does; `surface` is the height of the bed at time zero, m.
 fn droplet_readings(droplet: &Droplet<2>, (dt, surface): (f64, f64), readings: &mut Vec<Reading>) {
-    let (state, settled, material) = (&droplet.state, &droplet.settled, &droplet.material);
+    let (state, exchanged, material) = (&droplet.state, &droplet.exchanged, &droplet.material);
     let [x, y] = [state.centre[0], state.centre[1]];
     let missed = droplet.momentum_defect();
     readings.extend([
@@ -194,17 +194,17 @@ fn droplet_readings(droplet: &Droplet<2>, (dt, surface): (f64, f64), readings: &
         ("droplet_velocity_y_m_per_s".into(), state.velocity[1]),
         ("droplet_radius_m".into(), state.radius),
         ("droplet_liquid_kg_per_m".into(), droplet.mass()),
-        ("vaporisation_kg_per_s_per_m".into(), droplet.vaporisation()),
-        ("droplet_gas_force_x_N_per_m".into(), state.force[0]),
-        ("droplet_gas_force_y_N_per_m".into(), state.force[1]),
-        ("droplet_grain_force_x_N_per_m".into(), settled.force[0]),
-        ("droplet_grain_force_y_N_per_m".into(), settled.force[1]),
-        ("droplet_grain_pressure_force_x_N_per_m".into(), -settled.pressed[0]),
-        ("droplet_grain_pressure_force_y_N_per_m".into(), -settled.pressed[1]),
-        ("droplet_gas_heat_W_per_m".into(), state.heat),
-        ("droplet_grain_heat_W_per_m".into(), settled.heat),
+        ("vaporisation_kg_per_s_per_m".into(), exchanged.vaporisation),
+        ("droplet_gas_force_x_N_per_m".into(), exchanged.gas_force[0]),
+        ("droplet_gas_force_y_N_per_m".into(), exchanged.gas_force[1]),
+        ("droplet_grain_force_x_N_per_m".into(), exchanged.grain_force[0]),
+        ("droplet_grain_force_y_N_per_m".into(), exchanged.grain_force[1]),
+        ("droplet_grain_pressure_force_x_N_per_m".into(), -exchanged.pressed[0]),
+        ("droplet_grain_pressure_force_y_N_per_m".into(), -exchanged.pressed[1]),
+        ("droplet_gas_heat_W_per_m".into(), exchanged.gas_heat),
+        ("droplet_grain_heat_W_per_m".into(), exchanged.grain_heat),
         ("droplet_lifetime_s".into(), {
-            let rate = droplet.vaporisation();
+            let rate = exchanged.vaporisation;
             if rate == 0.0 { 0.0 } else { droplet.mass() / rate }
         }),
         ("droplet_absorption_number".into(), droplet.absorption * dt),

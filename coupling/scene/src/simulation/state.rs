@@ -26,8 +26,7 @@ pub struct State {
     departed: (u64, f64),
     appearing: Option<Appearing<2>>,
     passed: Option<PassageState>,
-    /// Of the grains at time zero.
-    bed_weight_per_area: Option<f64>,
+    bed: [f64; 2],
     surface: f64,
     since: Since,
 }
@@ -79,13 +78,13 @@ impl State {
                 && finite(&[&carried.heat])
         });
         let time = self.time.is_finite() && self.time >= 0.0;
-        let heights = [self.surface, self.departed.1, self.bed_weight_per_area.unwrap_or(0.0)];
+        let heights = [self.surface, self.departed.1, self.bed[0], self.bed[1]];
         [
             ("time", time),
             ("fields of the fluid", fluid),
             ("values of the fluid at the grains", at),
             ("values of the coupling at the grains", carried),
-            ("height or weight of the bed", finite(&[&heights])),
+            ("height or mass of the bed", finite(&[&heights])),
         ]
         .iter()
         .find(|(_, good)| !good)
@@ -103,7 +102,7 @@ impl Simulation {
                 format!("the checkpoint is at t = {time} s, which is no whole number of steps of {step} s");
             return Err(Error::input(Notice::new(what, "give a `time.step` that divides that time")));
         }
-        (self.bed_weight_per_area, self.surface) = (state.bed_weight_per_area, state.surface);
+        (self.bed, self.surface) = (state.bed, state.surface);
         self.change_laws(steps as u64, |event, steps| event.after < steps)?;
         let coupled = &mut self.coupled;
         coupled.set_time(state.time, steps as u64);
@@ -182,7 +181,7 @@ impl Simulation {
             departed: coupled.interaction().map_or((0, 0.0), |i| (i.departed, i.departed_mass)),
             appearing: coupled.interaction().map(|interaction| interaction.appearing.clone()),
             passed: coupled.passage.as_ref().map(|passage| passage.state().clone()),
-            bed_weight_per_area: self.bed_weight_per_area,
+            bed: self.bed,
             surface: self.surface,
             since: self.since.clone(),
         }
