@@ -28,6 +28,12 @@ const fn mistake(
 
 const MISTAKES: &[Mistake] = &[
     mistake(
+        "a temperature of a wall to which no heat passes",
+        ["conduction = \"henry\"", ""],
+        "temperature = 300.0",
+        &["walls[2].temperature", "contacts.conduction"],
+    ),
+    mistake(
         "unknown key",
         ["radius =", "raduis ="],
         "raduis",
@@ -543,9 +549,13 @@ fn choices_of_a_droplet_that_change_nothing_are_refused() {
     let [before, after] = ["[fluid.heat]", "[[fluid.boundaries]]"].map(|table| cold.find(table).unwrap());
     let cold = format!("{}{}heat_flux = \"gradient\"\n", &cold[..before], &cold[after..]);
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("scene.toml"), cold).unwrap();
+    fs::write(folder.path().join("scene.toml"), &cold).unwrap();
     let said = refused(folder.path(), &["check", "scene.toml"]);
     assert!(said.contains("droplet.heat_flux") && said.contains("no temperature"), "{said}");
+    // Grains at no temperature of theirs condensed gas onto it.
+    fs::write(folder.path().join("scene.toml"), cold.replace("heat_flux = \"gradient\"\n", "")).unwrap();
+    let said = refused(folder.path(), &["check", "scene.toml"]);
+    assert!(said.contains("grains have a temperature") && said.contains("[fluid.heat]"), "{said}");
 }
 
 #[test]

@@ -288,6 +288,51 @@ fn a_run_goes_on_with_another_inflow_into_another_folder_and_says_so() {
     refused(folder.path(), &[&["--out", "no", "--until", "0.01"], &from[..]].concat(), &["--until 0.01"]);
 }
 
+/// The frame of the moment of a stop stayed among the others, so that an analysis found them uneven.
+#[test]
+fn a_run_that_was_stopped_between_two_frames_leaves_the_frames_of_one_left_alone() {
+    let folder = folder();
+    let frames = |out: &str| {
+        let out = folder.path().join(out);
+        let mut names: Vec<_> =
+            fs::read_dir(out.join("frames")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        let read = |name: &str| fs::read_to_string(out.join(name)).unwrap();
+        (names, read("grains.pvd"), read("fluid.pvd"), read("series.csv"))
+    };
+    let rows = ["--set", "output.series_interval=0.004"];
+    good(folder.path(), &[&["--out", "straight"], &rows[..]].concat());
+    good(folder.path(), &[&["--out", "out", "--until", "0.013"], &rows[..]].concat());
+    assert!(frames("out").1.contains("0.013"), "the last state of a run that ends can be looked at");
+    good(folder.path(), &[&["--out", "out", "--restart", "out/checkpoint.voidage"], &rows[..]].concat());
+    assert_eq!(frames("out"), frames("straight"));
+}
+
+/// Only keys were compared where any had changed, and the weight was that of the gravity before.
+#[test]
+fn a_restart_sees_changed_files_and_weighs_the_bed_anew() {
+    let folder = folder();
+    let table = "x,y,r\n0.003,0.001,0.0005\n0.006,0.001,0.0005\n";
+    fs::write(folder.path().join("grains.csv"), table).unwrap();
+    let lines = BED.lines().filter(|line| !line.starts_with("radius =") && !line.starts_with("amount ="));
+    let text: Vec<&str> = lines
+        .map(|line| if line.starts_with("placement =") { "placement.csv.file = \"grains.csv\"" } else { line })
+        .collect();
+    fs::write(folder.path().join("scene.toml"), text.join("\n")).unwrap();
+    good(folder.path(), &["--out", "out", "--until", "0.02"]);
+    let lighter =
+        ["--out", "more", "--restart", "out/checkpoint.voidage", "--set", "gravity=[0.0, -4.905]"];
+    good(folder.path(), &lighter);
+    let weight = |out: &str| summary(folder.path(), out)["bed_weight_per_area_Pa"].as_f64().unwrap();
+    assert!((weight("more") / weight("out") - 0.5).abs() < 1e-12, "{} {}", weight("more"), weight("out"));
+    fs::write(folder.path().join("grains.csv"), table.replace("0.006", "0.007")).unwrap();
+    refused(
+        folder.path(),
+        &[&["--overwrite"], &lighter[..]].concat(),
+        &["grains.0.placement.csv.file", "from a checkpoint"],
+    );
+}
+
 /// The samples of both windows were mixed.
 #[test]
 fn averages_of_another_window_begin_anew_after_a_restart() {

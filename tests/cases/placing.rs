@@ -68,6 +68,23 @@ fn a_bed_is_reported_and_kept_until_something_about_it_changes() {
     assert_eq!(fs::read(&table).unwrap(), first);
 }
 
+/// A kept bed has its grains by the numbers of their groups. With another group between them they were taken for grains
+/// of that one.
+#[test]
+fn a_bed_is_not_kept_when_its_groups_have_other_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let (before, walls) = SCENE.split_at(SCENE.find("[[walls]]").unwrap());
+    let mixed = "[[grains]]\nmaterial = \"glass\"\nradius = { constant = 3e-4 }\namount = { count = 50 }\n\
+                 placement = { with = 0 }\n\n";
+    let fixed = "[[grains]]\nmaterial = \"glass\"\nradius = { constant = 3e-4 }\nfixed = true\n\
+                 placement = { lattice = { lower = [0.02, 0.0], upper = [0.021, 0.001] } }\n\n";
+    let said = run(folder.path(), &format!("{before}{mixed}{walls}"), &[]);
+    assert!(said.contains("250 deposited"), "{said}");
+    assert!(run(folder.path(), &format!("{before}{mixed}{walls}"), &[]).contains("kept"));
+    let said = run(folder.path(), &format!("{before}{fixed}{mixed}{walls}"), &[]);
+    assert!(said.contains("250 deposited") && !said.contains("kept"), "{said}");
+}
+
 #[test]
 fn beds_are_built_as_the_scene_says() {
     let folder = tempfile::tempdir().unwrap();

@@ -162,6 +162,27 @@ fn a_scene_is_compared_with_its_finest_run_in_all_kinds_of_quantities() {
     assert_eq!(self::rows(&folder.path().join("out/measured.csv")), 8);
 }
 
+/// The end, the output and the solver of a scene do not decide its course, but what is measured; rows of before were
+/// taken for those of now. A grain is the one of this number, not of this place, and numbers of the program are none of
+/// the run.
+#[test]
+fn a_scene_that_measures_something_else_is_run_again() {
+    let folder = folder(SMALL_BED);
+    study(folder.path(), "out", &[]);
+    let other = BED.replace("from = \"inflow\", to = \"outflow\"", "from = \"outflow\", to = \"inflow\"");
+    fs::write(folder.path().join("scene.toml"), other).unwrap();
+    study(folder.path(), "out", &[]);
+    assert_eq!(rows(&folder.path().join("out/measured.csv")), 12);
+    let of = "{ summary = \"threads\" }";
+    let text = SMALL_BED.replacen("{ series = \"mean_grain_temperature_K\" }", of, 1);
+    assert!(text.contains(of));
+    fs::write(folder.path().join("study.toml"), text).unwrap();
+    let arguments = ["study", "study.toml", "--quiet", "--out", "other"];
+    let output = voidage().current_dir(folder.path()).args(arguments).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && said.contains("the summary has no such number"), "{said}");
+}
+
 /// Starts a study and ends it by a signal after its first run; its exit code.
 #[cfg(unix)]
 fn stopped_by(signal: &str, folder: &Path) -> Option<i32> {

@@ -109,12 +109,14 @@ fn they_add_up_however_often_the_domain_is_remeshed() {
 fn closes(sets: &[&str], steps: u32) -> Simulation {
     let mut run = Simulation::new(&scene(sets)).expect("a valid scene");
     let (dt, first) = (5e-4, books(&mut run));
-    let (mut let_out, mut crossed, mut parts, mut solves) = (0.0, 0, 0, 0);
+    let (mut let_out, mut boiled, mut crossed, mut parts, mut solves) = (0.0, 0.0, 0, 0, 0);
     for step in 1..=steps {
         let report = run.step().unwrap_or_else(|error| panic!("{sets:?}: {error}"));
         let of = |name: &str| reading(&run, name);
         // Grains that leave make room, which the fluid fills.
         let_out += dt * (of("flux_outflow_m2_per_s") - of("solid_inflow_m2_per_s"));
+        // Rates are means over the parts of a step.
+        boiled += dt * of("vaporisation_kg_per_s_per_m");
         let agreement = report.agreement.unwrap_or_default();
         (parts, solves) = (parts + agreement.parts, solves + agreement.solves);
         crossed =
@@ -125,6 +127,7 @@ fn closes(sets: &[&str], steps: u32) -> Simulation {
         let weighs = droplet.material.gravity.norm() * first.mass * dt * f64::from(step);
         let lacks = [
             ("water", of("droplet_water_defect_kg_per_m") / first.mass),
+            ("vapour", (first.mass - of("droplet_liquid_kg_per_m") - boiled) / first.mass),
             ("momentum x", of("droplet_momentum_defect_x_N_s_per_m") / weighs),
             ("momentum y", of("droplet_momentum_defect_y_N_s_per_m") / weighs),
             ("heat", of("droplet_heat_defect_J_per_m") / state.ledger.heat),

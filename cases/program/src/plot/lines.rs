@@ -177,3 +177,17 @@ fn chart(path: &Path, label_y: &str, curves: &[Curve], with: Option<f64>) -> Res
     })?;
     canvas.save(path)
 }
+
+#[cfg(test)]
+mod tests {
+    /// A run whose grains had not come yet ended with a panic.
+    #[test]
+    fn a_temperature_that_is_never_known_has_no_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("temperature.png");
+        super::temperature(&path, &[0.0, 1.0], &[f64::NAN; 2], None).unwrap();
+        assert!(!path.exists());
+        super::temperature(&path, &[0.0, 1.0, 2.0], &[f64::NAN, 300.0, 301.0], None).unwrap();
+        assert!(path.exists());
+    }
+}

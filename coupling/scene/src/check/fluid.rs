@@ -324,10 +324,6 @@ pub(super) fn droplet(scene: &Scene, droplet: &Droplet) -> Checked {
         let message = "`[droplet]` is there, but no fluid";
         return fail(scene, "droplet", message, "add `[fluid]`, or take it away");
     };
-    if scene.grains_have_heat() && !scene.fluid_has_heat() {
-        let message = "grains have a temperature, but the fluid around the droplet has none";
-        return fail(scene, "droplet", message, "add `[fluid.heat]`, or take the temperatures of the grains away");
-    }
     let Liquid { density, viscosity, heat_capacity, conductivity } = droplet.liquid;
     for (key, value) in [
         ("temperature", droplet.temperature),
@@ -376,6 +372,11 @@ fn choices(scene: &Scene, droplet: &Droplet) -> Checked {
     {
         let message = "`droplet.heat_flux` is there, but the gas has no temperature";
         return fail(scene, "droplet.heat_flux", message, "add `[fluid.heat]`, or take it away");
+    }
+    if scene.grains_have_heat() && !scene.fluid_has_heat() {
+        let message = "grains have a temperature, but the gas around the droplet has none";
+        let help = "add `[fluid.heat]`, or take the temperatures of the grains away";
+        return fail(scene, "droplet", message, help);
     }
     let of_grains = [
         ("blowing", droplet.blowing != Default::default()),
