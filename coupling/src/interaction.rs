@@ -148,7 +148,9 @@ impl<const D: usize> Interaction<D> {
     pub(crate) fn balance(&mut self, dt: f64, report: &mut StepReport) {
         let worse = |worst: &mut Option<f64>, defect: f64| {
             // What is no number must not get lost in a maximum.
-            *worst = Some(worst.map_or(defect, |worst| if worst > defect || worst.is_nan() { worst } else { defect }));
+            *worst = Some(
+                worst.map_or(defect, |worst| if worst > defect || worst.is_nan() { worst } else { defect }),
+            );
         };
         let (mut force, mut heat) = (self.lost.0, self.lost.1);
         if let Some(carried) = &mut self.carried {

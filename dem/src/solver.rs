@@ -232,8 +232,7 @@ impl<const D: usize> Problem<D> {
                 outcome = Some(second);
             }
         }
-        let outcome =
-            outcome.unwrap_or_else(|| self.judge::<L>(stopping, grains, Measure::Always, 0.0));
+        let outcome = outcome.unwrap_or_else(|| self.judge::<L>(stopping, grains, Measure::Always, 0.0));
         Outcome { sweeps: first.sweeps + again, work: first.work, ..outcome }
     }
 

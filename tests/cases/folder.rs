@@ -316,12 +316,13 @@ fn a_restart_sees_changed_files_and_weighs_the_bed_anew() {
     fs::write(folder.path().join("grains.csv"), table).unwrap();
     let lines = BED.lines().filter(|line| !line.starts_with("radius =") && !line.starts_with("amount ="));
     let text: Vec<&str> = lines
-        .map(|line| if line.starts_with("placement =") { "placement.csv.file = \"grains.csv\"" } else { line })
+        .map(
+            |line| if line.starts_with("placement =") { "placement.csv.file = \"grains.csv\"" } else { line },
+        )
         .collect();
     fs::write(folder.path().join("scene.toml"), text.join("\n")).unwrap();
     good(folder.path(), &["--out", "out", "--until", "0.02"]);
-    let lighter =
-        ["--out", "more", "--restart", "out/checkpoint.voidage", "--set", "gravity=[0.0, -4.905]"];
+    let lighter = ["--out", "more", "--restart", "out/checkpoint.voidage", "--set", "gravity=[0.0, -4.905]"];
     good(folder.path(), &lighter);
     let weight = |out: &str| summary(folder.path(), out)["bed_weight_per_area_Pa"].as_f64().unwrap();
     assert!((weight("more") / weight("out") - 0.5).abs() < 1e-12, "{} {}", weight("more"), weight("out"));

@@ -487,7 +487,8 @@ fn options_of_processes_are_checked() {
 #[test]
 fn solvers_are_compared_with_options_that_only_some_of_them_have() {
     let folder = folder();
-    let arguments = ["compare", "scene.toml", "--fluids", "rust,serve", "--timeout", "60", "--transport", "shm"];
+    let arguments =
+        ["compare", "scene.toml", "--fluids", "rust,serve", "--timeout", "60", "--transport", "shm"];
     let short = ["--set", "time.end=0.002", "--steps", "0", "--out", "out"];
     let (code, said) = end(voidage(folder.path()).args(arguments).args(short).spawn().unwrap());
     assert_eq!(code, Some(0), "{said}");

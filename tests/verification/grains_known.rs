@@ -59,8 +59,13 @@ fn a_wall_that_has_vanished_stays_away_in_a_doubly_periodic_box() {
 /// in flow were zero in nearly all pictures.
 #[test]
 fn contacts_stay_known_when_other_grains_leave_or_come() {
-    let material =
-        Material { young: 1e9, poisson: 0.3, conductivity: 10.0, heat_capacity: 100.0, ..Material::default() };
+    let material = Material {
+        young: 1e9,
+        poisson: 0.3,
+        conductivity: 10.0,
+        heat_capacity: 100.0,
+        ..Material::default()
+    };
     let places = (0..5).map(|k| v(0.0, 0.5 + f64::from(k))).collect();
     let mut grains = discs(places, 0.5, &material).heated(300.0, std::slice::from_ref(&material)).unwrap();
     let heat = grains.heat.as_mut().unwrap();
@@ -118,8 +123,13 @@ fn a_wall_pushes_a_long_row_without_other_forces() {
 /// A temperature that is no number was taken for one that agrees.
 #[test]
 fn a_temperature_that_is_no_number_is_not_solved() {
-    let material =
-        Material { young: 1e9, poisson: 0.3, conductivity: 10.0, heat_capacity: 100.0, ..Material::default() };
+    let material = Material {
+        young: 1e9,
+        poisson: 0.3,
+        conductivity: 10.0,
+        heat_capacity: 100.0,
+        ..Material::default()
+    };
     let grains = discs(vec![v(0.0, 0.5), v(0.0, 1.5)], 0.5, &material);
     let grains = grains.heated(300.0, std::slice::from_ref(&material)).unwrap();
     let settings = Settings { conduction: Some(Conduction::Line), ..precise() };

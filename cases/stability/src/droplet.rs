@@ -86,7 +86,12 @@ pub const AXES: &[Axis] = &[
         coupled: false,
         points: |effort| match effort {
             Effort::Quick => product(&[0.2, 1.2], &[0.02]),
-            Effort::Full => product(&[0.1, 0.2, 0.5, 1.2, 1.5], &[3e-3, 0.01, 0.03, 0.1]),
+            // One that has less liquid left than boils in two steps vanishes before.
+            Effort::Full => {
+                let mut points = product(&[0.1, 0.2, 0.5, 1.2, 1.5], &[3e-3, 0.01, 0.03, 0.1]);
+                points.retain(|[radius, share]| *radius > 1.0 || radius * radius > 2.0 * share);
+                points
+            }
         },
         run: |[radius, share], _, _| change_size(radius, share),
         theory: |_, _| None,
@@ -258,6 +263,7 @@ fn change_size(target: f64, share: f64) -> Result<Sample> {
     let dt = share * liquid / rate.abs();
     let (mut tally, mut missing, mut beyond) = (Tally::default(), 0.0f64, 0.0f64);
     let low = BOILING.min(BOILING + hot);
+    let mut there = false;
     loop {
         tally.add(&system.step(dt)?);
         if let Some(fluid) = system.fluid() {
@@ -267,12 +273,12 @@ fn change_size(target: f64, share: f64) -> Result<Sample> {
         let Some(droplet) = droplet(&mut system) else { break };
         let state = &droplet.state;
         missing = missing.max((state.first - state.boiled - state.liquid).abs() / state.first);
-        let there = if target < 1.0 { state.radius <= target } else { state.radius >= target };
+        there = if target < 1.0 { state.radius <= target } else { state.radius >= target };
         if there || tally.steps > 2000 || !state.radius.is_finite() {
             break;
         }
     }
-    let sound = beyond < 1e-6 * hot.abs() && tally.steps <= 2000;
+    let sound = there && beyond < 1e-6 * hot.abs() && tally.steps <= 2000;
     let sample = Sample::judge(missing.is_finite(), missing, 0.0, 1e-12, tally);
     let verdict = if sound { sample.verdict } else { Verdict::Wrong };
     Ok(Sample { verdict, ..sample })

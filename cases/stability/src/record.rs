@@ -64,6 +64,10 @@ pub struct Place {
     pub at: f64,
     /// What is there.
     pub value: f64,
+    /// `quick` or `full`.
+    pub form: String,
+    /// Version of the program.
+    pub version: String,
 }
 
 /// The tables in the making, and their rows.
@@ -81,15 +85,22 @@ impl Record {
     /// # Errors
     /// Points there are of the other form or of another version, another process is at work there.
     pub fn open(folder: &Path, effort: Effort) -> Result<Self> {
-        let other = |row: &Row| {
-            let other = row.form != form(effort) || row.version != VERSION;
+        let other = |form: &str, version: &str| {
+            let other = form != self::form(effort) || version != VERSION;
             other.then(|| {
-                let (form, version) = (&row.form, &row.version);
                 format!("`form` and `version` are `{form}` and `{version}`: this is a point of another map")
             })
         };
-        let (points, rows) = Table::open(&folder.join("stability.csv"), other)?;
-        let (curves, places) = Table::open(&folder.join("curves.csv"), |_: &Place| None)?;
+        let (points, rows) =
+            Table::open(&folder.join("stability.csv"), |row: &Row| other(&row.form, &row.version))?;
+        let (curves, mut places) =
+            Table::open(&folder.join("curves.csv"), |place: &Place| other(&place.form, &place.version))?;
+        // Curves are written first: those of a point that is not there will come again.
+        places.retain(|place| {
+            rows.iter().any(|row| {
+                (&row.axis, row.scheme) == (&place.axis, place.scheme) && (row.x, row.y) == (place.x, place.y)
+            })
+        });
         Ok(Self { effort, points, rows, curves, places })
     }
 
@@ -137,6 +148,8 @@ impl Record {
             curve: curve.into(),
             at,
             value,
+            form: form(self.effort).into(),
+            version: VERSION.into(),
         };
         let places: Vec<Place> = sample.curves.iter().map(place).collect();
         self.curves.add(&places)?;

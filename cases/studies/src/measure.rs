@@ -223,9 +223,11 @@ impl Moment<'_> {
             }
             Of::Summary(key) => {
                 let all = serde_json::to_value(&self.summary).unwrap_or_default();
-                let known = all.as_object().into_iter().flatten().filter(|(key, value)| {
-                    value.is_number() && !OF_PROGRAM.contains(&key.as_str())
-                });
+                let known = all
+                    .as_object()
+                    .into_iter()
+                    .flatten()
+                    .filter(|(key, value)| value.is_number() && !OF_PROGRAM.contains(&key.as_str()));
                 let known: Vec<&str> = known.map(|(key, _)| key.as_str()).collect();
                 let found = known.contains(&key.as_str()).then(|| all[key].as_f64()).flatten();
                 found.ok_or_else(|| {

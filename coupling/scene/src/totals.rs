@@ -91,7 +91,9 @@ impl Totals {
     /// Adds a step, by number.
     pub(crate) fn add(&mut self, step: u64, report: &StepReport) {
         let raise = |worst: &mut Option<f64>, now: Option<f64>| {
-            *worst = now.map(|now| worst.map_or(now, |worst| if worst > now || worst.is_nan() { worst } else { now })).or(*worst);
+            *worst = now
+                .map(|now| worst.map_or(now, |worst| if worst > now || worst.is_nan() { worst } else { now }))
+                .or(*worst);
         };
         self.steps += 1;
         self.phases.add(&report.phases);

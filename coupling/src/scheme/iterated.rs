@@ -120,7 +120,12 @@ impl<const D: usize> Trial<D> for Iterated<D> {
     }
 
     /// Books what the grains got, and carries what the fluid did not lose for it and where it had them else.
-    fn settle(&mut self, mixture: &mut Mixture<D>, Part { dt, whole }: Part, agreement: Agreement) -> Agreement {
+    fn settle(
+        &mut self,
+        mixture: &mut Mixture<D>,
+        Part { dt, whole }: Part,
+        agreement: Agreement,
+    ) -> Agreement {
         let Some(mut carried) = mixture.interaction.carried.take() else { return agreement };
         let forcing = &self.answer;
         for i in 0..mixture.felt().len() {

@@ -107,8 +107,8 @@ fn once<const D: usize>(
 ) -> Result<Agreement> {
     mixture.cut_grains(report)?;
     mixture.evaluate_closures(dt, report)?;
-    // A scheme before this one may have left a law of its own for the solid flux.
-    mixture.interaction.load.continuity = None;
+    // A scheme before this one may have left a law of its own for the solid flux, and what it carried.
+    (mixture.interaction.load.continuity, mixture.interaction.carried) = (None, None);
     let stream = mixture.fluid.droplet.as_ref().map(|droplet| droplet.stream());
     predict(&mixture.grains, &mut mixture.interaction, stream);
     mixture.solve_fluid(dt, report)?;

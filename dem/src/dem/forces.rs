@@ -122,7 +122,8 @@ impl<const D: usize> Dem<D> {
         let acting = self.contacts().filter(|c| c.force.iter().any(|f| *f != 0.0));
         acting.map(move |contact| {
             // Not every contact conducts.
-            let heat = heats.next_if(|(grain, partner, _)| (*grain, *partner) == (contact.grain, contact.partner));
+            let heat =
+                heats.next_if(|(grain, partner, _)| (*grain, *partner) == (contact.grain, contact.partner));
             (contact, heat.map_or(0.0, |(.., heat)| heat))
         })
     }

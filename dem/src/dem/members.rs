@@ -59,7 +59,8 @@ impl<const D: usize> Dem<D> {
 
     /// Puts what holds grains by their old numbers aside; it is made again.
     fn renumber(&mut self) {
-        let (search, problem, conductor) = (take(&mut self.search), take(&mut self.problem), take(&mut self.conductor));
+        let (search, problem, conductor) =
+            (take(&mut self.search), take(&mut self.problem), take(&mut self.conductor));
         if self.known && self.last.is_none() {
             let number = (0..search.grid.grain_of.len() as u32).collect();
             self.last = Some(Last { search, problem, conductor, number });

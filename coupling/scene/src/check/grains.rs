@@ -85,6 +85,11 @@ fn check_group(scene: &Scene, path: &str, group: &Grains) -> Checked {
             "take it away: all grains of the file are used",
         );
     }
+    if matches!(group.placement, Placement::State(_)) && group.velocity.is_some() {
+        let (key, message) =
+            (format!("{path}.velocity"), format!("`{path}.velocity` is there, but the state has velocities"));
+        return fail(scene, &key, message, "take it away");
+    }
     if group.fixed && group.velocity.is_some() {
         let message = format!("`{path}.velocity` is there, but `{path}.fixed = true`");
         return fail(

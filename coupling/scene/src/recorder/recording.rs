@@ -117,10 +117,10 @@ impl Recording {
         let (time, dt) = (checkpoint.stamp.time, scene.time.step);
         let due = due(&scene.output, dt, scene.time.steps(), (time / dt).round() as u64);
         let until = |due: bool| if due { time } else { time.next_down() };
-        let series =
-            Series::resume(&at("series.csv"), &columns(scene, view, readings), until(due.series))?;
+        let series = Series::resume(&at("series.csv"), &columns(scene, view, readings), until(due.series))?;
         let frames = |name: &str| Collection::resume(&at(name), until(due.frame));
-        let (grains, fluid, contacts) = (frames("grains.pvd")?, frames("fluid.pvd")?, frames("contacts.pvd")?);
+        let (grains, fluid, contacts) =
+            (frames("grains.pvd")?, frames("fluid.pvd")?, frames("contacts.pvd")?);
         folder.reopen(|frame| grains.has(frame) || fluid.has(frame) || contacts.has(frame))?;
         let averages = kept_averages(scene, view, Some(checkpoint))?;
         let mut recording = Recording::new(folder, scene, series, [grains, fluid, contacts], averages)?;

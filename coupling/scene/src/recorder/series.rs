@@ -19,6 +19,13 @@ pub struct Series {
 impl Series {
     /// Starts a new file.
     pub fn create(path: &Path, columns: &[String]) -> Result<Self> {
+        if let Some((_, twice)) = columns.iter().enumerate().find(|(k, name)| columns[..*k].contains(name)) {
+            let what = format!("two columns of series.csv would be called `{twice}`");
+            return Err(Error::input(Notice::new(
+                what,
+                "give a scalar, a wall, a part or a probe another name",
+            )));
+        }
         write_whole(path, |file| writeln!(file, "{}", columns.join(",")))?;
         Series::open(path, columns)
     }
