@@ -216,7 +216,7 @@ def test_one_file_serves_python_of_debian_and_of_a_virtual_environment():
     assert len(printed[0]) > 1000 and printed[0] == printed[1]
 
 
-@pytest.mark.parametrize("scheme", ["explicit", "henry", "lagged"])
+@pytest.mark.parametrize("scheme", ["explicit", "henry", "lagged", "anchored", "iterated"])
 def test_the_fluid_of_a_step_in_which_a_grain_ran_away_was_kept(scheme):
     simulation = voidage.Simulation(BED, scheme=scheme)
     simulation.run(until=5e-3)
