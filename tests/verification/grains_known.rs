@@ -25,20 +25,22 @@ fn a_kicked_grain_does_not_pass_a_wall() {
     assert!(x < 4.3 - 0.99, "the grain is at {x}, the wall at 4.3");
 }
 
-/// The same with a grain that comes towards it from two cells away.
+/// The same with a grain that comes towards it from two cells away, wherever the cells begin: that is at the first grain.
 #[test]
 fn a_kicked_grain_does_not_pass_into_one_from_afar() {
     let light = Material { restitution: 1.0, ..Material::default() };
     let heavy = Material { density: 1000.0 * light.density, ..light.clone() };
-    let places = vec![v(0.0, 0.0), v(3.204, 0.0), v(5.254, 0.0), v(7.92, 0.0)];
     let materials = vec![light, heavy];
-    let mut grains = Particles::new(places, vec![1.0; 4], vec![0, 1, 0, 0], &materials).unwrap();
-    grains.velocity = vec![v(0.0, 0.0), v(0.3, 0.0), v(0.0, 0.0), v(-0.3, 0.0)];
-    let mut dem = Dem::new(grains, vec![], materials, weightless()).unwrap();
-    let report = dem.step(1.0, &Load::default());
-    assert!(report.converged, "{report:?}");
-    let x = &dem.particles.position;
-    assert!((x[3] - x[2]).norm() > 2.0 * 0.99, "{x:?}");
+    for k in 0..120 {
+        let places = vec![v(-0.05 * f64::from(k), 0.0), v(3.204, 0.0), v(5.254, 0.0), v(7.92, 0.0)];
+        let mut grains = Particles::new(places, vec![1.0; 4], vec![0, 1, 0, 0], &materials).unwrap();
+        grains.velocity = vec![v(0.0, 0.0), v(0.3, 0.0), v(0.0, 0.0), v(-0.3, 0.0)];
+        let mut dem = Dem::new(grains, vec![], materials.clone(), weightless()).unwrap();
+        let report = dem.step(1.0, &Load::default());
+        assert!(report.converged, "{report:?}");
+        let x = &dem.particles.position;
+        assert!((x[3] - x[2]).norm() > 2.0 * 0.99, "{k}: {x:?}");
+    }
 }
 
 /// A wall that had vanished was put far away, and periodic sides along both axes brought it back.
@@ -99,25 +101,6 @@ fn contacts_stay_known_when_other_grains_leave_or_come() {
     assert!(seen(&dem).iter().any(|(a, ..)| *a == 9), "the one on the floor has a contact");
     dem.restore(dem.state()).unwrap();
     assert!(!dem.knows_contacts() && dem.contacts().count() == 0);
-}
-
-/// Without any force nothing tells how accurate velocities must be but the change that the wall makes. Smooth errors
-/// were then not measured.
-#[test]
-fn a_wall_pushes_a_long_row_without_other_forces() {
-    let (material, count, speed) = (Material::default(), 200, 0.1);
-    let places = (0..count).map(|k| v(0.5 + f64::from(k), 0.0)).collect();
-    let settings = Settings { gravity: V::zeros(), ..Settings::default() };
-    let piston = Wall {
-        motion: Motion::Translation { velocity: v(speed, 0.0) },
-        ..Wall::new("piston", v(0.0, -1.0), v(0.0, 1.0))
-    };
-    let mut dem = Dem::new(discs(places, 0.5, &material), vec![piston], vec![material], settings).unwrap();
-    for step in 0..3 {
-        assert!(dem.step(1e-3, &Load::default()).converged, "step {step}");
-        let off = dem.particles.velocity.iter().map(|u| (u[0] - speed).powi(2)).sum::<f64>();
-        assert!(off < 0.1 * f64::from(count) * speed * speed, "step {step}: {off}");
-    }
 }
 
 /// A temperature that is no number was taken for one that agrees.
