@@ -60,7 +60,12 @@ impl<const D: usize> Problem<D> {
         };
         let ([square, size, rough, bound, carried, turned], closing) =
             over_tiles(0..tiles.len(), &tiles.starts, &mut self.contacts, &mut [], FORK, &tile);
-        let residual = if square == 0.0 { 0.0 } else { (square / size.max(f64::MIN_POSITIVE)).sqrt() };
+        // Without any impulse all of it is missing.
+        let residual = match (square == 0.0, size == 0.0) {
+            (true, _) => 0.0,
+            (false, true) => 1.0,
+            (false, false) => (square / size).sqrt(),
+        };
         let rounding = (4.0 * f64::EPSILON).powi(2) * carried;
         let comes_back = turned / self.contacts.len().max(1) as f64;
         Look { residual, rough, bound, closing, rounding, comes_back }
