@@ -14,3 +14,27 @@ pub mod suite;
 pub mod table;
 
 pub use suite::{Effort, Suite};
+
+/// The larger of two values, or what is no number: `f64::max` drops it, and a finding that should fail passes.
+pub fn worse(a: f64, b: f64) -> f64 {
+    if a > b || a.is_nan() { a } else { b }
+}
+
+/// The largest size of some values; no number if one is none.
+pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().map(f64::abs).fold(0.0, worse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::largest;
+
+    #[test]
+    fn what_is_no_number_is_not_dropped() {
+        assert_eq!(largest([1.0, -3.0, 2.0]), 3.0);
+        assert_eq!(largest([]), 0.0);
+        for values in [[f64::NAN, 1.0, 2.0], [1.0, f64::NAN, 2.0], [1.0, 2.0, f64::NAN]] {
+            assert!(largest(values).is_nan());
+        }
+    }
+}

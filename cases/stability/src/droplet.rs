@@ -4,6 +4,7 @@
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use std::f64::consts::PI;
 use voidage_campaign::Effort;
+use voidage_campaign::worse;
 use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
@@ -240,7 +241,7 @@ fn thrown(gap: f64, way: f64) -> Result<Sample> {
         let Some(droplet) = droplet(&mut system) else { break };
         let state = &droplet.state;
         least = least.min((state.centre.y - state.radius + half) / first);
-        fastest = fastest.max(state.velocity.norm() / velocity.norm());
+        fastest = worse(fastest, state.velocity.norm() / velocity.norm());
     }
     // A droplet is the polygon of its nodes, whose corners lie beyond its radius.
     let allowed = (0.02 / first).min(1.0) - 1e-9;
@@ -268,11 +269,11 @@ fn change_size(target: f64, share: f64) -> Result<Sample> {
         tally.add(&system.step(dt)?);
         if let Some(fluid) = system.fluid() {
             let out = fluid.accepted.scalar(HEAT).iter().map(|t| (low - t).max(t - low - hot.abs()));
-            beyond = out.fold(beyond, f64::max);
+            beyond = out.fold(beyond, worse);
         }
         let Some(droplet) = droplet(&mut system) else { break };
         let state = &droplet.state;
-        missing = missing.max((state.first - state.boiled - state.liquid).abs() / state.first);
+        missing = worse(missing, (state.first - state.boiled - state.liquid).abs() / state.first);
         there = if target < 1.0 { state.radius <= target } else { state.radius >= target };
         if there || tally.steps > 2000 || !state.radius.is_finite() {
             break;

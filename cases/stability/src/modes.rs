@@ -7,6 +7,7 @@
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use voidage_campaign::Effort;
+use voidage_campaign::worse;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
@@ -385,7 +386,7 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
         let now = relative_turn(&mut system, held)?;
         if let Some(old) = old.or((q == 0.0).then_some(0.0)) {
             let size = now.abs().max(last.abs()).max(f64::abs(old));
-            worst = worst.max((now - p * last - q * old).abs() / size);
+            worst = worse(worst, (now - p * last - q * old).abs() / size);
         }
         old = Some(last);
         last = now;
@@ -449,7 +450,7 @@ fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     while tally.steps < STEPS {
         tally.add(&system.step(dt)?);
         let now = temperature_difference(&mut system)?;
-        worst = worst.max((now - factor * last).abs() / f64::max(now.abs(), f64::abs(last)));
+        worst = worse(worst, (now - factor * last).abs() / f64::max(now.abs(), f64::abs(last)));
         last = now;
         if ended(now / 50.0) {
             break;

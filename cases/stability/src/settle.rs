@@ -11,6 +11,7 @@ use super::axis::{Axis, Sample, Tally, Verdict, product};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use voidage_campaign::Effort;
+use voidage_campaign::{largest, worse};
 use voidage_coupling::closure::{Surroundings, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, Error, Result};
@@ -247,15 +248,14 @@ impl Suspension {
             let report = system.step(dt)?;
             end.tally.add(&report);
             end.time += dt;
-            end.defect = end.defect.max(report.momentum_exchange_defect.unwrap_or(0.0));
+            end.defect = worse(end.defect, report.momentum_exchange_defect.unwrap_or(0.0));
             end.penetration =
-                report.grains.map_or(0.0, |g| end.penetration.max(g.max_penetration_over_radius));
+                report.grains.map_or(0.0, |g| worse(end.penetration, g.max_penetration_over_radius));
             let now = places(&system);
-            end.last =
-                now.iter().zip(&before).fold(0.0, |most: f64, (x, old)| most.max((x - old).norm() / dt));
+            end.last = largest(now.iter().zip(&before).map(|(x, old)| (x - old).norm() / dt));
             before = now;
             let now = end.last;
-            end.fastest = end.fastest.max(now);
+            end.fastest = worse(end.fastest, now);
             if now > RUNAWAY * terminal {
                 return Err(Error::run("the grains run away"));
             }
@@ -335,10 +335,10 @@ fn judge(ends: Vec<(Result<End>, Arc<End>)>, aim: Aim) -> Sample {
         let Ok(end) = end else { return Sample::new(Verdict::Unstable, f64::NAN, 1.0, Tally::default()) };
         height += end.height / short.height / packings;
         mean_speed += end.fastest / short.fastest / packings;
-        speed = speed.max(end.fastest / short.fastest);
-        last = last.max(end.last / short.fastest);
-        penetration = penetration.max(end.penetration);
-        defect = defect.max(end.defect);
+        speed = worse(speed, end.fastest / short.fastest);
+        last = worse(last, end.last / short.fastest);
+        penetration = worse(penetration, end.penetration);
+        defect = worse(defect, end.defect);
         tally.join(&end.tally);
     }
     let sound = penetration <= PENETRATION && defect <= BALANCED;

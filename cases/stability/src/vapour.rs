@@ -9,6 +9,7 @@ use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::GAS;
 use super::mesh::outflow;
 use voidage_campaign::Effort;
+use voidage_campaign::worse;
 use voidage_coupling::closure::ThermalFluid;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
@@ -86,16 +87,14 @@ fn blow(vapour: f64, step: f64, scheme: SchemeName, steps: usize) -> Result<Samp
             return Ok(Sample::new(Verdict::Unstable, f64::NAN, 1.0, tally));
         };
         tally.add(&report);
-        worst.defect = worst
-            .defect
-            .max(report.momentum_exchange_defect.unwrap_or(0.0))
-            .max(report.energy_exchange_defect.unwrap_or(0.0));
+        let exchanged = [report.momentum_exchange_defect, report.energy_exchange_defect];
+        worst.defect = exchanged.into_iter().flatten().fold(worst.defect, worse);
         worst.penetration =
-            report.grains.map_or(0.0, |g| worst.penetration.max(g.max_penetration_over_radius));
+            report.grains.map_or(0.0, |g| worse(worst.penetration, g.max_penetration_over_radius));
         let [blown, left] = [-outflow(&system, "disc"), outflow(&system, "top")];
         // Contacts let grains reach a little beyond the top, and vapour takes their place.
         let came = report.appeared.unwrap_or(0.0) / dt;
-        worst.drift = worst.drift.max(((left - came) / blown - 1.0).abs());
+        worst.drift = worse(worst.drift, ((left - came) / blown - 1.0).abs());
         worst.look(&mut system)?;
         if worst.speed > RUNAWAY * bound {
             return Ok(Sample::new(Verdict::Unstable, worst.speed / bound, 1.0, tally));

@@ -5,6 +5,7 @@ use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::GAS;
 use super::droplet::{material, place_of};
 use voidage_campaign::Effort;
+use voidage_campaign::worse;
 use voidage_coupling::closure::{Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Inside, Material, WaterVoidage};
@@ -183,7 +184,7 @@ fn share(a: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     for _ in 0..4 {
         tally.add(&system.step(dt)?);
         let now = slip(&mut system);
-        worst = worst.max(((now - factor * last) / last.abs().max(now.abs())).abs());
+        worst = worse(worst, ((now - factor * last) / last.abs().max(now.abs())).abs());
         last = now;
         if last.abs() < 1e-6 * first || !last.is_finite() || last.abs() > 1e6 * first {
             break;
@@ -294,11 +295,12 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
         let report = system.step(step)?;
         tally.add(&report);
         let exchanged = [report.momentum_exchange_defect, report.energy_exchange_defect];
-        defect = exchanged.into_iter().flatten().fold(defect, f64::max);
-        penetration = report.grains.map_or(penetration, |g| penetration.max(g.max_penetration_over_radius));
+        defect = exchanged.into_iter().flatten().fold(defect, worse);
+        penetration =
+            report.grains.map_or(penetration, |g| worse(penetration, g.max_penetration_over_radius));
         let mut look = |temperature: &[f64]| {
             let out = temperature.iter().map(|t| (BOILING - t).max(t - HOT) / (HOT - BOILING));
-            beyond = out.fold(beyond, f64::max);
+            beyond = out.fold(beyond, worse);
         };
         if let Some(fluid) = system.fluid() {
             look(fluid.accepted.scalar(HEAT));
@@ -316,7 +318,7 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
             f64::INFINITY
         };
         let water = (state.first - state.boiled - state.liquid).abs() / state.first;
-        defect = defect.max(water);
+        defect = worse(defect, water);
         if fastest > RUNAWAY * (speed + blown) {
             return Ok(Sample::new(Verdict::Unstable, fastest / (speed + blown), 1.0, tally));
         }

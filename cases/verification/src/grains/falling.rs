@@ -4,6 +4,7 @@ use super::scene::{G, curve, precise, step};
 use crate::models::{Vec2, grains};
 use crate::{Case, Finding, Outcome};
 use voidage_campaign::Effort;
+use voidage_campaign::largest;
 use voidage_campaign::plot::panels::{Curve, Panel};
 use voidage_coupling::Result;
 use voidage_dem::{Load, Material};
@@ -43,14 +44,14 @@ fn run(effort: Effort) -> Result<Outcome> {
         let dt = end / count as f64;
         let path: Vec<(f64, f64)> =
             fall(dt, count)?.into_iter().enumerate().map(|(k, u)| (k as f64 * dt, u)).collect();
-        errors.push(path.iter().fold(0.0, |worst: f64, (t, u)| worst.max((u - exact(*t)).abs())));
+        errors.push(largest(path.iter().map(|(t, u)| u - exact(*t))));
         if k == 0 {
             curves.push(Curve::points("step \u{3c4}/10", path));
         }
     }
     let steps = fall(TAU, 10)?;
     let recursion = |k: usize| 1.0 - 0.5f64.powi(k as i32);
-    let worst = (0..=10).fold(0.0, |worst: f64, k| worst.max((steps[k] - recursion(k)).abs()));
+    let worst = largest((0..=10).map(|k| steps[k] - recursion(k)));
     let stiff = fall(1e6 * TAU, 1)?[1];
     let panel = Panel { curves, ..Panel::new("Fall with implicit drag", "t (s)", "-v / (g \u{3c4})") };
     Ok(Outcome {

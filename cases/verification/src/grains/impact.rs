@@ -6,6 +6,7 @@ use crate::{Case, Finding, Outcome};
 use rand::Rng;
 use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{largest, worse};
 use voidage_coupling::Result;
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
 
@@ -89,7 +90,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     for k in 0..=effort.pick(20, 60) {
         let psi = 3.0 * k as f64 / f64::from(effort.pick(20, 60));
         let [after, e] = rebound(psi)?;
-        worst = [worst[0].max((after - exact(psi)).abs()), worst[1].max((e - RESTITUTION).abs())];
+        worst = [worse(worst[0], (after - exact(psi)).abs()), worse(worst[1], (e - RESTITUTION).abs())];
         points.push((psi, after));
     }
     let seeds = effort.pick(16, 100);
@@ -98,7 +99,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     for k in 0..levels {
         let dt = 0.02 / 2f64.powi(k);
         let changes = (0..seeds).map(|seed| cloud(seed, dt)).collect::<Result<Vec<_>>>()?;
-        lost = changes.iter().fold(lost, |lost, change| lost.max(change[0]));
+        lost = worse(lost, largest(changes.iter().map(|change| change[0])));
         drift.push((dt, mean(&changes.iter().map(|change| change[1]).collect::<Vec<_>>()).0));
     }
     let order = exponent(&drift);

@@ -7,6 +7,7 @@ use crate::{Case, Finding, Outcome};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 use voidage_campaign::Effort;
+use voidage_campaign::largest;
 use voidage_campaign::plot::panels::{Curve, Panel};
 use voidage_coupling::{Error, Result};
 use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit, unobserved};
@@ -168,7 +169,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     let squares = conductivity(square(rows, columns))?;
     let triangles = conductivity(triangular(columns, rows / 2))?;
     let temperatures = bed(effort.pick(100, 600))?;
-    let worst = temperatures.iter().fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs()));
+    let worst = largest(temperatures.iter().map(|(a, b)| a - b));
     let panel = Panel {
         curves: vec![
             Curve::line("equal", vec![(COLD, COLD), (HOT, HOT)]),

@@ -5,6 +5,7 @@ use crate::models::alike;
 use crate::{Case, Finding, Outcome};
 use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{largest, worse};
 use voidage_coupling::Result;
 use voidage_dem::{Dem, Settings};
 
@@ -57,7 +58,7 @@ fn run(effort: Effort) -> Result<Outcome> {
         let shift = if turns { 0.0 } else { 0.25 };
         for ratio in ratios.iter().map(|ratio| ratio + shift) {
             let (found, known) = (descend(ratio, turns)?, exact(ratio, turns));
-            worst = worst.max((found[0] - known[0]).abs()).max((found[1] - known[1]).abs());
+            worst = worse(worst, largest([found[0] - known[0], found[1] - known[1]]));
             points.push((ratio, found[0]));
         }
         curves.push(Curve::line(

@@ -5,6 +5,7 @@ use crate::models::alike;
 use crate::{Case, Finding, Outcome};
 use std::f64::consts::PI;
 use voidage_campaign::Effort;
+use voidage_campaign::largest;
 use voidage_campaign::plot::panels::{Curve, Panel};
 use voidage_coupling::Result;
 use voidage_dem::{Acceleration, Dem, Load, Material, Partner, Settings};
@@ -91,8 +92,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     let mut dem = stack(n, precise())?;
     super::scene::step(&mut dem, 1e-3, &Load::default())?;
     let carried = forces(&dem);
-    let worst =
-        carried.iter().enumerate().fold(0.0, |worst: f64, (k, f)| worst.max((f - (n - k) as f64).abs()));
+    let worst = largest(carried.iter().enumerate().map(|(k, f)| f - (n - k) as f64));
     let floor = -dem.wall_force()[0].y / (dem.particles.mass[0] * G);
     let mut findings = vec![
         Finding::at_most(format!("largest error of a force / (N m g), N = {n}"), "1", 1e-8, worst / n as f64),
