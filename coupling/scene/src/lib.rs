@@ -139,8 +139,8 @@ impl Coordinates {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Event {
-    /// The time, s. The first step that starts at this time or later has the changes. Above 0, and later than the event
-    /// before.
+    /// The time, s. The first step that starts at this time or later has the changes. Above 0, and not before that of the
+    /// event before.
     pub time: f64,
     /// Changes `"KEY=VALUE"`, written as for `voidage run --set`: friction, rolling, restitution, cohesion, sources
     /// and sinks, schemes, laws of drag and heat transfer, conditions at boundaries of the fluid.

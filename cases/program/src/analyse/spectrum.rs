@@ -42,7 +42,7 @@ impl Spectrum {
     /// Trans. Audio Electroacoust. 15, 70 (1967). `step` is the time between rows, s. None where a segment would have
     /// fewer than [`FEWEST`] rows, or where all rows are equal.
     pub fn new(values: &[f64], step: f64, segments: usize) -> Option<Spectrum> {
-        let length = 2 * values.len() / (segments + 1);
+        let length = 2 * values.len() / segments.saturating_add(1);
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64;
         if length < FEWEST || variance <= 0.0 || !variance.is_finite() {
