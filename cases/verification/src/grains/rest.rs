@@ -34,9 +34,11 @@ struct Seen {
     name: String,
     /// Largest and root mean square speed after the time of settling, over g dt.
     speed: [f64; 2],
-    /// Largest departure of the mean height from that at the time of settling, and rise above the start, in diameters.
+    /// Largest departure of the mean height from that at the time of settling, and rise above and depth below the start
+    /// at any time, in diameters.
     moved: f64,
     rose: f64,
+    sank: f64,
     /// Steps after that time whose contacts were not solved.
     unsolved: usize,
     /// Mean height above the start in diameters, over time.
@@ -48,14 +50,21 @@ fn watch(name: String, mut dem: Dem<2>, diameter: f64, settled: f64, steps: usiz
     let count = dem.particles.len() as f64;
     let height = |dem: &Dem<2>| dem.particles.position.iter().map(|x| x.y).sum::<f64>() / count / diameter;
     let start = height(&dem);
-    let mut seen =
-        Seen { name, speed: [0.0; 2], moved: 0.0, rose: 0.0, unsolved: 0, heights: vec![(0.0, 0.0)] };
+    let mut seen = Seen {
+        name,
+        speed: [0.0; 2],
+        moved: 0.0,
+        rose: 0.0,
+        sank: 0.0,
+        unsolved: 0,
+        heights: vec![(0.0, 0.0)],
+    };
     let mut rest = 0.0;
     for k in 1..=steps {
         let report = dem.step(STEP, &Load::default());
         let (time, now) = (k as f64 * STEP, height(&dem) - start);
         seen.heights.push((time, now));
-        seen.rose = seen.rose.max(now);
+        (seen.rose, seen.sank) = (seen.rose.max(now), seen.sank.max(-now));
         if time <= settled * (1.0 + 1e-9) {
             rest = now;
             continue;
@@ -109,13 +118,14 @@ fn bed(rows: usize, steps: usize) -> Result<Seen> {
 }
 
 /// What a bed must keep: speeds over g dt and heights in diameters.
-fn findings(seen: &Seen, speed: f64, mean: f64, height: f64) -> [Finding; 4] {
+fn findings(seen: &Seen, speed: f64, mean: f64, height: f64) -> [Finding; 5] {
     let name = |what: &str| format!("{what}, {}", seen.name);
     [
         Finding::at_most(name("largest speed / (g dt)"), "1", speed, seen.speed[0]),
         Finding::at_most(name("root mean square speed / (g dt)"), "1", mean, seen.speed[1]),
         Finding::at_most(name("mean height moved / diameter"), "1", height, seen.moved),
         Finding::at_most(name("mean height above the start / diameter"), "1", height, seen.rose),
+        Finding::at_most(name("mean height below the start / diameter"), "1", height, seen.sank),
     ]
 }
 
