@@ -92,7 +92,9 @@ impl<const D: usize> Dem<D> {
                 self.walls.len()
             )));
         }
-        self.forget();
+        if self.particles.id != state.particles.id {
+            self.forget();
+        }
         self.time = state.time;
         self.particles = state.particles;
         self.memory = state.memory;
