@@ -20,66 +20,63 @@ if [ "$form" = coarse ]; then
         --set 'fluid.mesh.rectangle.holes=[{name="droplet",centre=[0.005,0.02525],radius=1.25e-3,size=5.5e-5,growth=0.2}]'
     )
 fi
-hole='fluid.mesh.rectangle.holes=[{name="droplet",centre=[0.003,0.00825],radius=1e-3,growth=0.2'
-# Everything at 400 C, and where a regime may end: what moved something there.
-everything=(
+# A change is `key=value`, or `name|key=value|key=value ..`. Other packings show how much runs differ by chance.
+hole='fluid.mesh.rectangle.holes=[{name="droplet",growth=0.2'
+quick_hole="$hole,centre=[0.003,0.00825],radius=1e-3"
+full_hole="$hole,centre=[0.005,0.02525],radius=1.25e-3"
+quick=(
     nothing
+    'grains[0].placement.deposit.seed=2'
+    'grains[0].placement.deposit.seed=3'
     'grains[0].solidity=0.714'
     materials.glass.density=6723
+    "half the grain|grains[0].radius={uniform=[2.2e-5,2.75e-5]}|grains[0].amount.count=15600|contacts.cohesion.force=7.5e-4"
     droplet.heat_flux=gradient
     droplet.blowing=interstitial
     droplet.buoyancy=hydrostatic
     droplet.buoyancy=none
     droplet.inside.voidage=one
+    droplet.grain_share=disc
     contacts.cohesion.force=0
     contacts.cohesion.age=0
     coupling.voidage_function=di-felice
     coupling.voidage_function=none
-    "$hole,size=1.1e-4}]"
-    "$hole,size=2.75e-5}]"
+    "twice the edge|$quick_hole,size=1.1e-4}]"
+    "half the edge|$quick_hole,size=2.75e-5}]"
     time.step=2.5e-4
     time.step=1.25e-4
-    droplet.grain_share=disc
 )
-# What moved something, or might move more in the full case.
 full=(
     nothing
-    time.step=2.5e-4
-    'grains[0].solidity=0.714'
-    materials.grains.density=6723
-    droplet.heat_flux=gradient
-    droplet.grain_share=disc
-)
-edges=(
-    nothing
-    'grains[0].solidity=0.714'
-    materials.glass.density=6723
-    droplet.heat_flux=gradient
-    contacts.cohesion.force=0
-    "$hole,size=2.75e-5}]"
+    'grains[0].placement.deposit.seed=2'
     time.step=2.5e-4
     time.step=1.25e-4
+    'grains[0].solidity=0.714'
+    materials.grains.density=6723
     droplet.grain_share=disc
+    droplet.heat_flux=gradient
+    "half the edge|$full_hole,size=2.75e-5}]"
 )
 
 mkdir -p "$out"
 table=$out/studies.csv
-columns=bed_C,changed,depth_m,sinking_speed_m_per_s,velocity_rms_m_per_s,vaporisation_kg_per_s_per_m
+columns=bed_C,changed,depth_m,sinking_speed_m_per_s,velocity_deviation_m_per_s,vaporisation_kg_per_s_per_m
 {
     echo "# cases/droplet-digging/studies.sh OUT${2:+ $2}; depth at $end s, absorption of all steps, all else from $from to $end s"
     echo $columns,lifetime_s,solid_share_in_water,largest_absorption_number
 } >"$table.part"
 study() {
-    local bed=$1 changed=$2 set=() folder
-    [ "$changed" = nothing ] || set=(--set "$changed")
-    folder=$(echo "$changed" | sed 's/.*,size=\([^}]*\).*/facets-\1/; s/.*\[0\]\.//; s/[^A-Za-z0-9.-]/-/g')
-    folder=$out/$folder
+    local bed=$1 changed=${2%%|*} keys key set=() folder
+    if [ "$2" != nothing ]; then
+        IFS='|' read -ra keys <<<"${2#"$changed|"}"
+        for key in "${keys[@]}"; do set+=(--set "$key"); done
+    fi
+    folder=$out/${changed//[^A-Za-z0-9.-]/-}
     if [ "${DONE:-0}" = 1 ]; then
         grep -qs '"outcome": "done"' "$folder/${bed}C/summary.json" || return 0
     fi
     "$here/temperatures.sh" "$here/$scene" "$folder" "$bed" -- --quiet --threads 1 "${base[@]}" \
         --set time.end=$end --set output.frame_interval=$end "${set[@]}"
-    changed=$(echo "$changed" | sed 's/.*,size=\([^}]*\).*/fluid.mesh.rectangle.holes[0].size=\1/')
     awk -F, -v bed="$bed" -v changed="$changed" -v from=$from '
         NR == 1 { for (k = 1; k <= NF; k++) column[$k] = k; next }
         { time = $column["time_s"]; depth = $column["droplet_depth_m"] }
@@ -88,7 +85,9 @@ study() {
         time < from - 1e-9 { before = depth; start = time; next }
         {
             rows++
-            squares += $column["droplet_velocity_y_m_per_s"] ^ 2
+            velocity = $column["droplet_velocity_y_m_per_s"]
+            velocities += velocity
+            squares += velocity ^ 2
             vapour += $column["vaporisation_kg_per_s_per_m"]
             lifetime += $column["droplet_lifetime_s"]
             area = 3.14159265358979 * $column["droplet_radius_m"] ^ 2
@@ -96,17 +95,16 @@ study() {
         }
         END {
             printf "%s,%s,%.3e,%.2e,%.2e,%.2e,%.1f,%.3f,%.3f\n", bed, changed, depth, (depth - before) / (time - start),
-                sqrt(squares / rows), vapour / rows, lifetime / rows, solid / rows, largest
+                sqrt(squares / rows - (velocities / rows) ^ 2), vapour / rows, lifetime / rows, solid / rows, largest
         }' "$folder/${bed}C/series.csv" >>"$table.part"
 }
 if [ "$form" = coarse ]; then
-    for bed in 400 600; do
+    for bed in 600 400; do
         for changed in "${full[@]}"; do study "$bed" "$changed"; done
     done
 else
-    for changed in "${everything[@]}"; do study 400 "$changed"; done
-    for bed in 600 300; do
-        for changed in "${edges[@]}"; do study "$bed" "$changed"; done
+    for bed in 300 400 600; do
+        for changed in "${quick[@]}"; do study "$bed" "$changed"; done
     done
 fi
 mv "$table.part" "$table"

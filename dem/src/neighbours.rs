@@ -277,7 +277,8 @@ impl<const D: usize> Grid<D> {
     /// Calls `f(slot)` for all slots in so many cells around a point (and in its own) on every level, and around its
     /// images beyond periodic sides.
     pub fn around(&self, x: &Vector<D>, cells: i64, mut f: impl FnMut(usize)) {
-        self.images(x, cells as f64 * self.width(), |image| self.around_image(image, cells, &mut f));
+        let widest = (1u64 << (self.levels - 1)) as f64 / self.inverse;
+        self.images(x, cells as f64 * widest, |image| self.around_image(image, cells, &mut f));
     }
 
     fn around_image(&self, x: &Vector<D>, cells: i64, mut f: &mut impl FnMut(usize)) {

@@ -303,7 +303,10 @@ fn a_run_that_was_stopped_between_two_frames_leaves_the_frames_of_one_left_alone
     let rows = ["--set", "output.series_interval=0.004"];
     good(folder.path(), &[&["--out", "straight"], &rows[..]].concat());
     good(folder.path(), &[&["--out", "out", "--until", "0.013"], &rows[..]].concat());
-    assert!(frames("out").1.contains("grains-00000013"), "the last state of a run that ends can be looked at");
+    assert!(
+        frames("out").1.contains("grains-00000013"),
+        "the last state of a run that ends can be looked at"
+    );
     good(folder.path(), &[&["--out", "out", "--restart", "out/checkpoint.voidage"], &rows[..]].concat());
     assert_eq!(frames("out"), frames("straight"));
 }

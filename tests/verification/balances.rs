@@ -1,7 +1,10 @@
 //! What passes the named parts of the boundary closes the balances of volume, momentum and scalars of every step.
 
 use std::path::Path;
-use voidage_coupling::{Coupled, HEAT};
+use voidage_coupling::backend::{FluidBackend, FluidStep, Solution};
+use voidage_coupling::error::Result;
+use voidage_coupling::{Coupled, Error, HEAT};
+use voidage_fluid::Mesh;
 use voidage_fluid::element::{Element, weighted_load, weighted_mass};
 use voidage_fluid::flow::State;
 use voidage_scene::{Scene, Simulation};
@@ -108,6 +111,57 @@ fn closes(path: &str, sets: &[&str]) {
     }
 }
 
+/// How far the fastest grain moves in a step, in its diameters.
+fn fastest(simulation: &Simulation, step: f64) -> f64 {
+    let particles = &simulation.coupled().grains().expect("grains").particles;
+    let moved = |(v, r): (&Vec2, &f64)| v.norm() * step / (2.0 * r);
+    particles.velocity.iter().zip(&particles.radius).map(moved).fold(0.0, f64::max)
+}
+
+/// A solver that fails in its n-th solution.
+struct Fails {
+    inner: Box<dyn FluidBackend<2>>,
+    left: u32,
+}
+
+impl FluidBackend<2> for Fails {
+    fn set_mesh(&mut self, mesh: &Mesh<2>, generation: u32, fields: &State<2>) -> Result<()> {
+        self.inner.set_mesh(mesh, generation, fields)
+    }
+
+    fn solve(&mut self, step: &FluidStep<'_, 2>, out: &mut Solution<2>) -> Result<()> {
+        self.left -= 1;
+        if self.left == 0 {
+            return Err(Error::run("asked to fail"));
+        }
+        self.inner.solve(step, out)
+    }
+
+    fn accept(&mut self) {
+        self.inner.accept()
+    }
+}
+
+/// Its state was offered for a restart, which refused it.
+#[test]
+fn a_step_that_fails_after_its_first_part_leaves_no_state_to_go_on_from() {
+    let path = "tests/python/scenes/moving-mesh.toml";
+    let (scene, mut whole) = simulation(path, &["time.step=1e-3"]);
+    whole.step().expect("a step");
+    let cut = format!("coupling.cut={{travel={}}}", 0.6 * fastest(&whole, scene.time.step));
+    for (solution, between) in [(2, true), (3, false)] {
+        let (_, mut run) = simulation(path, &["time.step=1e-3", &cut]);
+        run.coupled_mut()
+            .fluid_mut()
+            .expect("a fluid")
+            .wrap_backend(|inner| Box::new(Fails { inner, left: solution }));
+        assert!(run.step().is_err());
+        assert_eq!(run.is_between_steps(), between, "after {solution} solutions");
+        assert_eq!(run.coupled().time() == 0.0, between);
+        assert!(run.coupled().time() < scene.time.step);
+    }
+}
+
 /// What passes the boundary in a step that is done in two parts was that of the second part.
 #[test]
 fn a_step_in_parts_reports_what_passes_in_all_of_them() {
@@ -115,17 +169,12 @@ fn a_step_in_parts_reports_what_passes_in_all_of_them() {
         ("tests/python/scenes/moving-mesh.toml", "contacts={tolerance=1e-18,max_sweeps=100000}");
     let (scene, mut halves) = simulation(path, &["time.step=5e-4", exact]);
     let (_, mut cut) = simulation(path, &["time.step=1e-3", exact]);
-    let fastest = |simulation: &Simulation| {
-        let particles = &simulation.coupled().grains().expect("grains").particles;
-        let moved = |(v, r): (&Vec2, &f64)| v.norm() * scene.time.step / (2.0 * r);
-        particles.velocity.iter().zip(&particles.radius).map(moved).fold(0.0, f64::max)
-    };
     let balances =
         |simulation: &Simulation| simulation.coupled().fluid().expect("fluid").solution.balances.clone();
     halves.step().expect("a step");
     let first = balances(&halves);
     halves.step().expect("a step");
-    let (second, travel) = (balances(&halves), 1.2 * fastest(&halves));
+    let (second, travel) = (balances(&halves), 1.2 * fastest(&halves, scene.time.step));
     let cutting = Some(voidage_coupling::scheme::cut::Cutting { travel, ..Default::default() });
     let scheme = voidage_coupling::scheme::SchemeName::Henry;
     cut.coupled_mut().set_scheme(scheme.build(&Default::default(), cutting));

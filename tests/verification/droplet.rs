@@ -161,6 +161,7 @@ fn the_books_of_a_whole_run_close_for_each_scheme() {
     // So that it has to iterate.
     closes(&["coupling.iteration.tolerance=1e-6"], 20);
     closes(&["coupling.cut={travel=0.1}"], 20);
+    closes(&["coupling.cut={travel=1e3,absorption=1e-3}"], 20);
     closes(&["coupling.scheme=\"anchored\""], 60);
     closes(&["coupling.scheme=\"henry\""], 40);
 }

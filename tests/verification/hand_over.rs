@@ -68,7 +68,7 @@ fn scene(text: &str, sets: &[&str]) -> Scene {
 fn keep(scene: &Scene, simulation: &mut Simulation, file: &Path) {
     let (step, time) = (simulation.steps(), simulation.time());
     let stamp = Stamp { scene_hash: scene.hash().expect("a hash"), step, time };
-    let kept = Kept { averages: None, slow: None, course: scene.course_toml().expect("a text") };
+    let kept = Kept::of(scene).expect("a course");
     Checkpoint::write(file, &stamp, &simulation.state().expect("a state"), &kept).expect("a file");
 }
 

@@ -368,8 +368,8 @@ impl Run {
             simulation.sum_up(&mut summary);
             summary.steps_of_this_process = simulation.totals().steps;
             summary.wall_s = started.elapsed().as_secs_f64();
-            let (state, kept, folder) =
-                (simulation.last_state(), recording.kept(), recording.folder().to_path_buf());
+            let (state, kept) = (simulation.last_state(), recording.kept(stamp.step));
+            let folder = recording.folder().to_path_buf();
             Saved { stamp, state, kept, summary, folder }
         });
     }

@@ -5,7 +5,7 @@
 //! with strong friction they are many.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
-use voidage_campaign::Effort;
+use voidage_campaign::{Effort, largest, worse};
 use voidage_coupling::{Result, StepReport};
 use voidage_dem::packing::{self, Amount, Fill, Radii, Region};
 use voidage_dem::{Dem, Load, Material, Particles, Settings, Wall};
@@ -85,7 +85,7 @@ impl Watch {
     fn step(&mut self, dem: &mut Dem<2>) -> bool {
         let grains = dem.step(STEP, &Load::default());
         self.tally.add(&StepReport { grains: Some(grains), ..StepReport::default() });
-        self.penetration = self.penetration.max(grains.max_penetration_over_radius);
+        self.penetration = worse(self.penetration, grains.max_penetration_over_radius);
         grains.converged
     }
 
@@ -113,10 +113,10 @@ fn stack(count: usize, mass: f64, steps: usize) -> Result<Sample> {
     let (mut watch, mut wrong) = (Watch::default(), 0.0f64);
     for _ in 0..steps {
         if watch.step(&mut dem) {
-            wrong = wrong.max((-dem.wall_force()[0].y / weight - 1.0).abs());
+            wrong = worse(wrong, (-dem.wall_force()[0].y / weight - 1.0).abs());
         }
     }
-    let fastest = dem.particles.velocity.iter().fold(0.0, |most: f64, v| most.max(v.norm()));
+    let fastest = largest(dem.particles.velocity.iter().map(|v| v.norm()));
     let sample = watch.sample(fastest < GRAVITY * STEP);
     Ok(Sample { curves: vec![("largest error of the floor's force where solved", 0.0, wrong)], ..sample })
 }

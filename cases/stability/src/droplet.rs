@@ -3,8 +3,7 @@
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use std::f64::consts::PI;
-use voidage_campaign::Effort;
-use voidage_campaign::worse;
+use voidage_campaign::{Effort, largest, worse};
 use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
@@ -305,9 +304,9 @@ fn ride(travel: f64, remesh: f64, steps: usize) -> Result<Sample> {
     for _ in 0..steps {
         tally.add(&system.step(dt)?);
     }
-    let off = system.fluid().map_or(f64::NAN, |fluid| {
-        fluid.accepted.velocity.iter().map(|u| (u - stream).norm()).fold(0.0, f64::max)
-    });
+    let off = system
+        .fluid()
+        .map_or(f64::NAN, |fluid| largest(fluid.accepted.velocity.iter().map(|u| (u - stream).norm())));
     Ok(Sample::judge(off.is_finite(), off, 0.0, UNIFORM, tally))
 }
 

@@ -3,6 +3,7 @@
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::LIQUID;
+use voidage_campaign::worse;
 use voidage_coupling::motion::Oscillation;
 use voidage_coupling::remesh::{Remesh, Remesher};
 use voidage_coupling::scheme::SchemeName;
@@ -78,7 +79,7 @@ fn oscillation(motion: f64, step: f64, remesh: Option<u64>, scheme: SchemeName) 
         tally.add(&report);
         let through = ["bottom", "top", "left", "right"].map(|side| outflow(&system, side));
         let sum: f64 = through.iter().sum();
-        drift = drift.max((sum / (speed * width)).abs());
+        drift = worse(drift, (sum / (speed * width)).abs());
         // The fluxes are those of the mesh that the step was solved on; then a new one.
         swap_remesher(&mut system, &mut remesher);
         if system.remesh(&mut report).is_err() {

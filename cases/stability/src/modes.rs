@@ -6,8 +6,7 @@
 //! = 0.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
-use voidage_campaign::Effort;
-use voidage_campaign::worse;
+use voidage_campaign::{Effort, largest, worse};
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
@@ -270,7 +269,7 @@ fn closed_box(mixture: Mixture, b: f64, scheme: SchemeName) -> Result<Sample> {
     let [coarse, fine] =
         [half_wave(mixture, b, scheme, ELEMENTS)?, half_wave(mixture, b, scheme, 2 * ELEMENTS)?];
     let extrapolated = coarse.missed.iter().zip(&fine.missed).map(|(c, f)| (4.0 * f - c).abs() / 3.0);
-    let mut deviation = extrapolated.fold(0.0, f64::max);
+    let mut deviation = largest(extrapolated);
     let steps = fine.missed.len();
     let growth = (fine.sizes[steps] / fine.sizes[1]).abs().powf(1.0 / (steps as f64 - 1.0).max(1.0));
     let root = mixture.root(scheme, b);

@@ -96,11 +96,16 @@ impl Record {
         let (curves, mut places) =
             Table::open(&folder.join("curves.csv"), |place: &Place| other(&place.form, &place.version))?;
         // Curves are written first: those of a point that is not there will come again.
+        let written = places.len();
         places.retain(|place| {
             rows.iter().any(|row| {
                 (&row.axis, row.scheme) == (&place.axis, place.scheme) && (row.x, row.y) == (place.x, place.y)
             })
         });
+        let mut curves = curves;
+        if places.len() < written {
+            curves.replace(&places)?;
+        }
         Ok(Self { effort, points, rows, curves, places })
     }
 

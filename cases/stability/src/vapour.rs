@@ -8,8 +8,7 @@
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use super::bed::GAS;
 use super::mesh::outflow;
-use voidage_campaign::Effort;
-use voidage_campaign::worse;
+use voidage_campaign::{Effort, worse};
 use voidage_coupling::closure::ThermalFluid;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
@@ -120,7 +119,7 @@ impl Worst {
     fn look(&mut self, system: &mut Coupled<2>) -> Result<()> {
         let mut raise = |k: usize, temperature: &[f64]| {
             let beyond = temperature.iter().map(|t| (BOILING - t).max(t - HOT) / (HOT - BOILING));
-            self.beyond[k] = beyond.fold(self.beyond[k], f64::max);
+            self.beyond[k] = beyond.fold(self.beyond[k], worse);
         };
         if let Some(grains) = system.grains() {
             grains.particles.heat.iter().for_each(|heat| raise(0, &heat.temperature));

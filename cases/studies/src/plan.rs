@@ -216,9 +216,7 @@ fn run(study: &Study, choice: Choice) -> Result<Run> {
         (Case::Scene(_), Some(file)) => {
             let scene = Scene::read(&file, &sets(settings)).map_err(|error| blame(study, &choice, error))?;
             check_times(study, &scene)?;
-            // The hash does not have the end, the output and the solver, which decide what is measured too.
-            identify(&scene.hash()?);
-            identify(&scene.to_toml()?);
+            identify(&scene.identity_toml()?);
             let file = std::fs::canonicalize(&file).unwrap_or(file);
             (cost::of_scene(&scene), Case::Scene(file))
         }

@@ -165,7 +165,7 @@ impl Column {
         }
         let file = folder.join("packing.voidage");
         let stamp = Stamp { scene_hash: scene.hash()?, step: simulation.steps(), time: simulation.time() };
-        let kept = Kept { averages: None, slow: None, course: scene.course_toml()? };
+        let kept = Kept::of(&scene)?;
         Checkpoint::write(&file, &stamp, &simulation.state()?, &kept)?;
         let grains = simulation.view().grains;
         let height = grains.map_or(f64::NAN, |grains| 2.0 * grains.mean(|i| grains.position[i].y));

@@ -151,7 +151,7 @@ impl Simulation {
         py.detach(|| {
             let stamp = Stamp { scene_hash: scene.hash()?, step: inner.steps(), time: inner.time() };
             // There are no averages over time to go on with.
-            let kept = Kept { averages: None, slow: None, course: scene.course_toml()? };
+            let kept = Kept::of(scene)?;
             Checkpoint::write(&path, &stamp, &inner.state()?, &kept)
         })
         .map_err(|error| raised.exception(py, &error))

@@ -14,6 +14,9 @@ use voidage_fluid::{Mesh, Vector};
 /// for a velocity, grains as warm as the fluid exchange round-off.
 const DRIVEN: f64 = 1e-4;
 
+/// Size and difference of a value that only one side has.
+const UNKNOWN: (f64, f64) = (f64::NAN, f64::NAN);
+
 /// How far a quantity of one solver is from the same of another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
@@ -155,16 +158,14 @@ impl<const D: usize> FluidBackend<D> for SideBySide<D> {
 pub fn view_differences<const D: usize>(density: f64, a: &View<'_, D>, b: &View<'_, D>) -> Vec<Difference> {
     let mut found = Vec::new();
     if let (Some(a), Some(b)) = (&a.fluid, &b.fluid) {
-        let mut fields = nodal(density, a.scalars, a.fields, b.fields);
-        if a.fields.pressure.len() != b.fields.pressure.len() {
-            fields.iter_mut().for_each(|field| (field.l2, field.max) = (f64::NAN, f64::NAN));
-        }
-        found.extend(fields);
+        found.extend(nodal(density, a.scalars, a.fields, b.fields));
     }
     if let (Some(a), Some(b)) = (&a.grains, &b.grains) {
         let both = in_both(a.id, b.id);
-        let of = |quantity: &str, at: &dyn Fn(usize, usize) -> (f64, f64)| {
-            difference(quantity, both.len(), |k| at(both[k].0, both[k].1), 0.0)
+        let of = |quantity: &str, at: &dyn Fn(usize, usize) -> (f64, f64)| match both.is_empty() {
+            // Nothing that could be equal, unless both have lost all grains.
+            true => difference(quantity, a.id.len().max(b.id.len()), |_| UNKNOWN, 0.0),
+            false => difference(quantity, both.len(), |k| at(both[k].0, both[k].1), 0.0),
         };
         found.push(of("grain position", &|i, j| {
             (a.radius[i], a.period.nearest(a.position[i] - b.position[j]).norm())
@@ -284,11 +285,17 @@ fn of_bodies<const D: usize>(
 }
 
 fn vectors<const D: usize>(quantity: &str, a: &[Vector<D>], b: &[Vector<D>], driver: f64) -> Difference {
-    difference(quantity, a.len().min(b.len()), |i| (a[i].norm(), (a[i] - b[i]).norm()), driver)
+    values(quantity, a, b, |a, b| (a.norm(), (a - b).norm()), driver)
 }
 
 fn numbers(quantity: &str, a: &[f64], b: &[f64], driver: f64) -> Difference {
-    difference(quantity, a.len().min(b.len()), |i| (a[i].abs(), (a[i] - b[i]).abs()), driver)
+    values(quantity, a, b, |a, b| (a.abs(), (a - b).abs()), driver)
+}
+
+/// `of` gives the size of a value and of its difference from that of the other side.
+fn values<T>(quantity: &str, a: &[T], b: &[T], of: impl Fn(&T, &T) -> (f64, f64), driver: f64) -> Difference {
+    let at = |i| a.get(i).zip(b.get(i)).map_or(UNKNOWN, |(a, b)| of(a, b));
+    difference(quantity, a.len().max(b.len()), at, driver)
 }
 
 /// `at(i)` is the size of value i and of its difference.
@@ -346,5 +353,15 @@ mod tests {
     fn what_is_no_number_does_not_pass() {
         let found = numbers("u", &[1.0, 1.0, 1.0], &[1.0, f64::NAN, 1.0], 0.0);
         assert!(found.max.is_nan() && found.l2.is_nan());
+    }
+
+    /// Values that one side lacks were left out, so that a run that had lost all grains was equal to any other.
+    #[test]
+    fn what_one_side_lacks_does_not_pass() {
+        let found = numbers("u", &[1.0, 1.0], &[1.0], 0.0);
+        assert!(found.max.is_nan() && found.l2.is_nan());
+        let found = vectors::<2>("u", &[], &[Vector::zeros()], 0.0);
+        assert!(found.max.is_nan() && found.l2.is_nan());
+        assert_eq!(numbers("u", &[], &[], 0.0).max, 0.0);
     }
 }

@@ -125,7 +125,7 @@ impl Scene {
         let wrong = |what: String, help: &str| {
             Err(self.origin.error(key, format!("`{key} = {set:?}`: {what}"), help))
         };
-        let texts = (old.course_toml(), new.course_toml());
+        let texts = (old.course().to_toml(), new.course().to_toml());
         let (Ok(old), Ok(new)) = texts else { return wrong("the scene cannot be written".into(), "") };
         let Ok(changes) = differences(&old, &new) else {
             return wrong("the scene cannot be read".into(), "");

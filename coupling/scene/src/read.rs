@@ -124,7 +124,7 @@ impl Scene {
 
     /// What decides the course of a run: the scene without its title, its end, what stops it, its output and the
     /// program that solves the fluid.
-    fn course(&self) -> Scene {
+    pub(crate) fn course(&self) -> Scene {
         let mut bare = self.clone();
         bare.title = String::new();
         bare.time.end = 0.0;
@@ -135,18 +135,31 @@ impl Scene {
         bare
     }
 
+    /// With the hashes of its files in the place of their names.
+    fn with_hashes(mut self) -> Result<Self> {
+        for file in self.files_mut() {
+            let content = fs::read(&*file).map_err(|error| Error::file(file, "read", error))?;
+            *file = PathBuf::from(blake3::hash(&content).to_hex().as_str());
+        }
+        Ok(self)
+    }
+
     /// The course of the run as TOML, with the hashes of its files in the place of their names: two runs of equal texts
-    /// and equal files are equal.
+    /// take the same course.
     ///
     /// # Errors
     /// A file cannot be read.
     pub fn course_toml(&self) -> Result<String> {
-        let mut bare = self.course();
-        for file in bare.files_mut() {
-            let content = fs::read(&*file).map_err(|error| Error::file(file, "read", error))?;
-            *file = PathBuf::from(blake3::hash(&content).to_hex().as_str());
-        }
-        bare.to_toml()
+        self.course().with_hashes()?.to_toml()
+    }
+
+    /// All but the title as TOML, with the hashes of its files in the place of their names: two runs of equal texts
+    /// measure the same, wherever their files are.
+    ///
+    /// # Errors
+    /// A file cannot be read.
+    pub fn identity_toml(&self) -> Result<String> {
+        Self { title: String::new(), ..self.clone() }.with_hashes()?.to_toml()
     }
 
     /// A hash (blake3, hexadecimal) of [`Self::course_toml`]. Equal hashes: a checkpoint of one restarts the other.

@@ -250,6 +250,7 @@ impl<const D: usize> Droplet<D> {
             HeatFlux::Reaction if !self.hot => 0.0,
             HeatFlux::Reaction => balance.scalars.get(crate::HEAT).map_or(0.0, |given| -given),
             // What boiled it beside the grains.
+            HeatFlux::Gradient if self.state.liquid <= 0.0 => 0.0,
             HeatFlux::Gradient => vapour * vapour_density * latent_heat - self.given,
         };
         self.answer = Answer { velocity, force: balance.force, heat, vapour, through: balance.flux };

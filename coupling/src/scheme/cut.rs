@@ -25,8 +25,7 @@ pub struct Cutting {
     /// With a droplet: how large dt |F| (dQ/dU) / (Q m) may become in a part of a step, where dQ/dU is the heat of the
     /// grains that a faster droplet would take in, Q what boils and F the force of the vapour on its mass m. Heat that
     /// is taken in boils water in the next step, and above about 3 the droplet bounces on its own vapour. Above 0.
-    /// Default
-    /// 1.
+    /// Default 1.
     pub absorption: f64,
 }
 

@@ -99,6 +99,9 @@ impl<const D: usize> Dem<D> {
         (self.settings, self.laws) = (changed.settings, changed.laws);
         if self.settings.conduction.is_none() {
             self.conductor = Conductor::default();
+            if let Some(last) = &mut self.last {
+                last.conductor = Conductor::default();
+            }
         }
         Ok(())
     }

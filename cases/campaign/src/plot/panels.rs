@@ -59,8 +59,8 @@ pub struct Curve {
     pub style: Style,
 }
 
-/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order, and are dashed
-/// where there are more of them than colours. One without a name looks like the one before, to which it belongs.
+/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order; where
+/// there are more of them than colours, lines are dashed and discs are circles. One without a name looks like the one before, to which it belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Black line: exact.
@@ -271,12 +271,20 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
     Ok(())
 }
 
+/// What marks the points of a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Mark {
+    Disc,
+    Circle,
+    Cross,
+}
+
 /// What tells a curve from the others of its panel.
 #[derive(Clone, Copy)]
 struct Look {
     colour: RGBColor,
-    /// Dashes in place of a line, crosses in place of circles.
-    other: bool,
+    mark: Option<Mark>,
+    dashed: bool,
 }
 
 /// The look of every curve.
@@ -284,18 +292,28 @@ fn looks(curves: &[Curve]) -> Vec<Look> {
     let (mut coloured, mut known) = (0_usize, 0_usize);
     let of = |curve: &Curve| {
         let named = !curve.name.is_empty();
+        let plain = |colour| Look { colour, mark: None, dashed: false };
         match curve.style {
-            Style::Line => return Look { colour: BLACK, other: false },
-            Style::Dashes => return Look { colour: GREY, other: true },
-            Style::Faint if named => return Look { colour: GREY, other: false },
+            Style::Line => return plain(BLACK),
+            Style::Dashes => return Look { dashed: true, ..plain(GREY) },
+            Style::Faint if named => return plain(GREY),
             Style::Known => {
                 known += usize::from(named);
-                return Look { colour: BLACK, other: known > 1 };
+                return Look {
+                    mark: Some(if known > 1 { Mark::Cross } else { Mark::Circle }),
+                    ..plain(BLACK)
+                };
             }
             _ => coloured += usize::from(named),
         }
         let place = coloured.saturating_sub(1);
-        Look { colour: COLOURS[place % COLOURS.len()], other: place / COLOURS.len() % 2 == 1 }
+        let again = place / COLOURS.len() % 2 == 1;
+        let marked = matches!(curve.style, Style::Points | Style::Joined);
+        Look {
+            colour: COLOURS[place % COLOURS.len()],
+            mark: marked.then_some(if again { Mark::Circle } else { Mark::Disc }),
+            dashed: again && !marked,
+        }
     };
     curves.iter().map(of).collect()
 }
@@ -304,15 +322,14 @@ fn stroke(
     chart: &mut ChartContext<BitMapBackend, Cartesian2d<Axis, Axis>>,
     curve: &Curve,
     points: &[(f64, f64)],
-    Look { colour, other }: Look,
+    Look { colour, mark, dashed }: Look,
 ) -> std::result::Result<(), Box<dyn std::error::Error>> {
     let line = match curve.style {
         Style::Faint => colour.mix(0.6).stroke_width(pixels(1)),
         _ => colour.stroke_width(pixels(2)),
     };
-    let [disc, length] = [pixels(3), pixels(26)].map(|size| size as i32);
+    let [size, length] = [pixels(3), pixels(26)].map(|size| size as i32);
     let points = || points.iter().copied();
-    let discs = matches!(curve.style, Style::Points | Style::Joined | Style::Known);
     if curve.style == Style::Joined {
         // Piece by piece: a thick line that turns back on itself would be drawn with a spike.
         let pieces: Vec<_> = points().zip(points().skip(1)).collect();
@@ -320,22 +337,22 @@ fn stroke(
     }
     let name = curve.name.as_str();
     let middle = length / 2;
-    match (discs, other) {
-        (true, true) if curve.style == Style::Known => {
+    match mark {
+        Some(Mark::Cross) => {
             let look = colour.stroke_width(pixels(1));
-            let drawn = chart.draw_series(points().map(|point| Cross::new(point, disc, look)))?;
+            let drawn = chart.draw_series(points().map(|point| Cross::new(point, size, look)))?;
             if let Some(drawn) = named(drawn, name) {
-                drawn.legend(move |(x, y)| Cross::new((x + middle, y), disc, look));
+                drawn.legend(move |(x, y)| Cross::new((x + middle, y), size, look));
             }
         }
-        (true, _) => {
-            let look = ShapeStyle { filled: curve.style != Style::Known, ..colour.stroke_width(pixels(1)) };
-            let drawn = chart.draw_series(points().map(|point| Circle::new(point, disc, look)))?;
+        Some(mark) => {
+            let look = ShapeStyle { filled: mark == Mark::Disc, ..colour.stroke_width(pixels(1)) };
+            let drawn = chart.draw_series(points().map(|point| Circle::new(point, size, look)))?;
             if let Some(drawn) = named(drawn, name) {
-                drawn.legend(move |(x, y)| Circle::new((x + middle, y), disc, look));
+                drawn.legend(move |(x, y)| Circle::new((x + middle, y), size, look));
             }
         }
-        (false, true) => {
+        None if dashed => {
             let [dash, gap] = [pixels(7), pixels(5)];
             let drawn = chart.draw_series(DashedLineSeries::new(points(), dash, gap, line))?;
             if let Some(drawn) = named(drawn, name) {
@@ -343,7 +360,7 @@ fn stroke(
                     .legend(move |(x, y)| DashedPathElement::new([(x, y), (x + length, y)], dash, gap, line));
             }
         }
-        (false, false) => {
+        None => {
             let drawn = chart.draw_series(LineSeries::new(points(), line))?;
             if let Some(drawn) = named(drawn, name) {
                 drawn.legend(move |(x, y)| PathElement::new([(x, y), (x + length, y)], line));
@@ -465,16 +482,19 @@ mod tests {
 
     #[test]
     fn curves_of_a_panel_look_different() {
-        let mut curves: Vec<Curve> = (0..9).map(|k| Curve::measured(format!("{k}"), vec![])).collect();
-        curves.insert(1, Curve::faint("", vec![]));
-        curves.extend(["a", "b"].map(|name| Curve::known(name, vec![])));
-        let looks = looks(&curves);
-        assert_eq!((looks[0].colour, looks[1].colour), (COLOURS[0], COLOURS[0]));
-        assert_eq!((looks[7].colour, looks[7].other), (COLOURS[0], true));
-        let named = curves.iter().zip(&looks).filter(|(curve, _)| !curve.name.is_empty());
-        let mut seen: Vec<_> = named.map(|(_, look)| (look.colour.rgb(), look.other)).collect();
-        seen.sort_unstable();
-        seen.dedup();
-        assert_eq!(seen.len(), 11);
+        for style in [Style::Measured, Style::Joined, Style::Points] {
+            let of = |k| Curve { style, ..Curve::measured(format!("{k}"), vec![]) };
+            let mut curves: Vec<Curve> = (0..9).map(of).collect();
+            curves.insert(1, Curve::faint("", vec![]));
+            curves.extend(["a", "b"].map(|name| Curve::known(name, vec![])));
+            let looks = looks(&curves);
+            assert_eq!(looks[0].colour, looks[1].colour, "a faint curve belongs to the one before");
+            let named = curves.iter().zip(&looks).filter(|(curve, _)| !curve.name.is_empty());
+            let mut seen: Vec<_> =
+                named.map(|(_, Look { colour, mark, dashed })| (colour.rgb(), *mark, *dashed)).collect();
+            seen.sort_unstable();
+            seen.dedup();
+            assert_eq!(seen.len(), 11);
+        }
     }
 }

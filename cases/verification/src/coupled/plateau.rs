@@ -2,8 +2,8 @@
 
 use crate::{Case, Finding, Outcome};
 use std::path::Path;
-use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{Effort, largest};
 use voidage_coupling::{Error, Result};
 use voidage_scene::{Scene, Simulation};
 
@@ -80,7 +80,7 @@ fn run(effort: Effort) -> Result<Outcome> {
     let (drop, floor) = (sum / steps as f64, floor / steps as f64);
     let totals = simulation.totals();
     let defects = [totals.momentum_exchange_defect, totals.energy_exchange_defect];
-    let worst = defects.into_iter().map(|defect| defect.unwrap_or(f64::NAN)).fold(0.0, f64::max);
+    let worst = largest(defects.into_iter().map(|defect| defect.unwrap_or(f64::NAN)));
     let level = vec![curve[0], curve[curve.len() - 1]].into_iter().map(|(t, _)| (t, 1.0)).collect();
     let panel = Panel {
         curves: vec![Curve::measured("bubbling bed", curve), Curve::line("weight", level)],

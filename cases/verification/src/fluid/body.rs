@@ -3,7 +3,7 @@
 use crate::models::{FluidSet, Vec2, annulus, held_points};
 use crate::{Case, Finding, Outcome};
 use std::f64::consts::PI;
-use voidage_campaign::Effort;
+use voidage_campaign::{Effort, largest};
 use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
@@ -197,7 +197,7 @@ fn ride(edge: f64) -> Result<(f64, f64)> {
         system.step(0.2)?;
     }
     let Some(fluid) = system.fluid_mut() else { return Ok((f64::NAN, f64::NAN)) };
-    let off = fluid.accepted.velocity.iter().map(|u| (u - stream).norm()).fold(0.0, f64::max);
+    let off = largest(fluid.accepted.velocity.iter().map(|u| (u - stream).norm()));
     let felt = fluid.live_droplet().map_or(f64::NAN, |d| d.state.force.norm() + d.state.heat.abs());
     Ok((off, felt))
 }
@@ -262,10 +262,7 @@ fn seen(shift: Vec2) -> Result<Seen> {
 /// share of the largest of each.
 fn shifted() -> Result<f64> {
     let (still, moves) = (seen(Vec2::zeros())?, seen(Vec2::new(1.7, -2.9))?);
-    let of = |a: &[f64], b: &[f64]| {
-        let most = a.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-        a.iter().zip(b).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs())) / most
-    };
+    let of = |a: &[f64], b: &[f64]| largest(a.iter().zip(b).map(|(a, b)| a - b)) / largest(a.iter().copied());
     let flat = |all: &[Vec2]| all.iter().flat_map(|v| [v.x, v.y]).collect::<Vec<f64>>();
     let changes = [
         of(&still.pressure, &moves.pressure),
@@ -274,7 +271,7 @@ fn shifted() -> Result<f64> {
         of(&flat(&[still.force]), &flat(&[moves.force])),
         of(&[still.vapour], &[moves.vapour]),
     ];
-    Ok(changes.into_iter().fold(0.0, f64::max))
+    Ok(largest(changes))
 }
 
 /// How far a free disc and its fluid are from the same disc held at the velocity that was found, as a share of the
@@ -301,14 +298,11 @@ fn tied() -> Result<(f64, f64)> {
     };
     let (found, _, u, p) = solve(BodyMotion::free(mass / dt, gravity * mass))?;
     let (_, force, held_u, held_p) = solve(BodyMotion::Held(found))?;
-    let (fast, high) = (
-        u.iter().fold(0.0, |most: f64, u| most.max(u.norm())),
-        p.iter().fold(0.0, |most: f64, p| most.max(p.abs())),
-    );
-    let off_u = u.iter().zip(&held_u).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).norm()));
-    let off_p = p.iter().zip(&held_p).fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs()));
+    let (fast, high) = (largest(u.iter().map(|u| u.norm())), largest(p.iter().copied()));
+    let off_u = largest(u.iter().zip(&held_u).map(|(a, b)| (a - b).norm()));
+    let off_p = largest(p.iter().zip(&held_p).map(|(a, b)| a - b));
     let lacks = found * (mass / dt) - gravity * mass - force;
-    Ok(((off_u / fast).max(off_p / high), lacks.norm() / (gravity.norm() * mass)))
+    Ok((largest([off_u / fast, off_p / high]), lacks.norm() / (gravity.norm() * mass)))
 }
 
 /// What leaves an open end over what a disc in the channel grows by, which its polygon says, 1/s for 1/s.

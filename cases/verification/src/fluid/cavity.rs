@@ -2,8 +2,8 @@
 
 use crate::models::{FluidSet, Vec2, crowd_at_walls, grid, steps_alone};
 use crate::{Case, Finding, Outcome};
-use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{Effort, largest};
 use voidage_coupling::Result;
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
 use voidage_fluid::flow::State;
@@ -115,7 +115,7 @@ fn solve(squares: usize) -> Result<Vec<[Line; 2]>> {
 /// Largest difference of a line from known values.
 fn off(line: &Line, known: impl Iterator<Item = (f64, f64)>) -> f64 {
     let given = known.filter(|(_, value)| value.is_finite());
-    given.map(|(x, value)| (at(line, x) - value).abs()).fold(0.0, f64::max)
+    largest(given.map(|(x, value)| at(line, x) - value))
 }
 
 fn run(effort: Effort) -> Result<Outcome> {

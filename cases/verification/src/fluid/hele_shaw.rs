@@ -2,8 +2,8 @@
 
 use crate::models::{FluidSet, Vec2, grid, steps_alone};
 use crate::{Case, Finding, Outcome};
-use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{Effort, worse};
 use voidage_coupling::Result;
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
 
@@ -44,7 +44,7 @@ fn solve(squares: usize) -> Result<(Vec<(f64, f64)>, f64)> {
     let (mut worst, mut across) = (0.0_f64, Vec::new());
     for ((x, u), profile) in fluid.mesh.points.iter().zip(&fields.velocity).zip(&profile) {
         if (x.x - 1.5).abs() < 0.5 {
-            worst = worst.max((u - profile).norm() / (PUSH / DRAG));
+            worst = worse(worst, (u - profile).norm() / (PUSH / DRAG));
         }
         if (x.x - 1.5).abs() < 1e-9 {
             across.push((x.y - HALF, u.x));

@@ -4,8 +4,8 @@ use crate::models::{FluidSet, Vec2, grid};
 use crate::norms::errors;
 use crate::{Case, Finding, Outcome};
 use std::f64::consts::PI;
-use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{Effort, worse};
 use voidage_coupling::Result;
 use voidage_fluid::conditions::FlowCondition;
 use voidage_fluid::flow::State;
@@ -86,10 +86,10 @@ fn run(effort: Effort) -> Result<Outcome> {
     let gap = |a: f64, b: f64| (a - b).abs();
     let mut worst = 0.0_f64;
     for (u, v) in vortices[0].state.velocity.iter().zip(&clear.state.velocity) {
-        worst = worst.max((u - v).norm());
+        worst = worse(worst, (u - v).norm());
     }
     for (p, q) in vortices[0].state.pressure.iter().zip(&clear.state.pressure) {
-        worst = worst.max(gap(*p / 0.4, *q));
+        worst = worse(worst, gap(*p / 0.4, *q));
     }
     let rates: Vec<f64> =
         vortices.iter().map(|vortex| -vortex.energy[vortex.energy.len() - 1].1.ln() / END).collect();

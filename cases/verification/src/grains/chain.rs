@@ -4,8 +4,8 @@ use super::scene::{curve, precise, step, v};
 use crate::models::{Vec2, alike};
 use crate::{Case, Finding, Outcome};
 use std::f64::consts::PI;
-use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{Effort, largest, worse};
 use voidage_coupling::Result;
 use voidage_dem::{Conduction, Dem, Load, Material, Settings};
 
@@ -100,9 +100,9 @@ fn run(effort: Effort) -> Result<Outcome> {
         let dt = end / count as f64;
         let path = decay(dt, count)?;
         let error = |(k, a): (usize, &f64)| (a - (-rate * dt * k as f64).exp()).abs();
-        errors.push(path.iter().enumerate().map(error).fold(0.0, f64::max));
+        errors.push(largest(path.iter().enumerate().map(error)));
         let implicit = |(k, a): (usize, &f64)| (a * (1.0 + rate * dt).powi(k as i32) - 1.0).abs();
-        recursion = path.iter().enumerate().map(implicit).fold(recursion, f64::max);
+        recursion = path.iter().enumerate().map(implicit).fold(recursion, worse);
         if k == 0 {
             let points = path.iter().enumerate().map(|(k, a)| (rate * dt * k as f64, *a));
             curves.push(Curve::points(format!("{count} steps"), points.collect()));

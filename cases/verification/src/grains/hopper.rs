@@ -5,8 +5,8 @@ use crate::models::Vec2;
 use crate::{Case, Finding, Outcome};
 use rand::Rng;
 use rayon::prelude::*;
-use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{Effort, largest};
 use voidage_coupling::Result;
 use voidage_dem::packing::{Amount, Deposit, Fill, Radii, Region, deposit, unobserved};
 use voidage_dem::{Dem, Load, Material, Settings, Wall};
@@ -182,7 +182,7 @@ fn run(effort: Effort, rolling: f64, allowed: f64) -> Result<Outcome> {
     let constants = mankoc(&points);
     let expected = beverloo(&openings.iter().map(|w| (*w, law(constants, *w))).collect::<Vec<_>>());
     let off = |(w, q): &(f64, f64)| (q / law(constants, *w) - 1.0).abs();
-    let worst = points.iter().map(off).fold(0.0, f64::max);
+    let worst = largest(points.iter().map(off));
     let title = match rolling {
         0.0 => "Flow out of a silo".into(),
         _ => format!("Flow out of a silo, resistance to rolling {rolling}"),

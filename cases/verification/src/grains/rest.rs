@@ -3,8 +3,8 @@
 use super::scene::{G, rubbing, v};
 use crate::models::alike;
 use crate::{Case, Finding, Outcome};
-use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
+use voidage_campaign::{Effort, largest, worse};
 use voidage_coupling::Result;
 use voidage_dem::packing::{Amount, Fill, Method, Radii, Region, pour, unobserved};
 use voidage_dem::{Dem, Load, Material, Particles, Settings, Wall};
@@ -64,19 +64,19 @@ fn watch(name: String, mut dem: Dem<2>, diameter: f64, settled: f64, steps: usiz
         let report = dem.step(STEP, &Load::default());
         let (time, now) = (k as f64 * STEP, height(&dem) - start);
         seen.heights.push((time, now));
-        (seen.rose, seen.sank) = (seen.rose.max(now), seen.sank.max(-now));
+        (seen.rose, seen.sank) = (worse(seen.rose, now), worse(seen.sank, -now));
         if time <= settled * (1.0 + 1e-9) {
             rest = now;
             continue;
         }
         seen.unsolved += usize::from(!report.converged);
         let squares = || dem.particles.velocity.iter().map(|v| v.norm_squared());
-        let fastest = squares().fold(0.0, f64::max);
+        let fastest = largest(squares());
         let mean = squares().sum::<f64>() / count;
-        for (worst, square) in seen.speed.iter_mut().zip([fastest, mean]) {
-            *worst = worst.max(square.sqrt() / (G * STEP));
+        for (most, square) in seen.speed.iter_mut().zip([fastest, mean]) {
+            *most = worse(*most, square.sqrt() / (G * STEP));
         }
-        seen.moved = seen.moved.max((now - rest).abs());
+        seen.moved = worse(seen.moved, (now - rest).abs());
     }
     seen
 }

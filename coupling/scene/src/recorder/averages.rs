@@ -30,8 +30,7 @@ pub struct Averages {
 impl Averages {
     /// A grid over a box, m, of squares with about the side that is asked for.
     pub fn new(lower: [f64; 2], upper: [f64; 2], asked: &Average) -> Self {
-        let Average { from, to, cell, interval } = *asked;
-        let asked = [from, to, interval.unwrap_or(0.0), cell];
+        let (cell, asked) = (asked.cell, Self::asked(asked));
         let count = [0, 1].map(|axis| ((upper[axis] - lower[axis]) / cell).round().max(1.0) as usize);
         let cell = [0, 1].map(|axis| (upper[axis] - lower[axis]) / count[axis] as f64);
         let squares = count[0] * count[1];
@@ -47,8 +46,13 @@ impl Averages {
     }
 
     /// Whether the same was asked for. The box may have moved since, with a mesh or with grains.
-    pub(super) fn asked_as(&self, other: &Averages) -> bool {
-        self.asked == other.asked
+    pub(super) fn asked_as(&self, average: &Average) -> bool {
+        self.asked == Self::asked(average)
+    }
+
+    fn asked(average: &Average) -> [f64; 4] {
+        let Average { from, to, cell, interval } = *average;
+        [from, to, interval.unwrap_or(0.0), cell]
     }
 
     /// Number of samples taken.

@@ -30,10 +30,22 @@ pub struct Kept {
     pub slow: Option<Slow>,
     /// What decides the course of the run, [`Scene::course_toml`].
     pub course: String,
+    /// What was due in its step.
+    pub due: Due,
+}
+
+impl Kept {
+    /// For a state that no recorder wrote.
+    ///
+    /// # Errors
+    /// A file of the scene cannot be read.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        Ok(Kept { averages: None, slow: None, course: scene.course_toml()?, due: Due::default() })
+    }
 }
 
 /// What is due at a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Due {
     /// A row of the time series.
     pub series: bool,
@@ -93,13 +105,15 @@ impl Recording {
         create_folder(&at("frames"))?;
         let series = Series::create(&at("series.csv"), &columns(scene, view, readings))?;
         let collections = ["grains.pvd", "fluid.pvd", "contacts.pvd"].map(|name| Collection::new(&at(name)));
-        let averages = kept_averages(scene, view, checkpoint)?;
+        let kept: Option<Kept> = checkpoint.map(Checkpoint::recorder).transpose()?;
+        let slow = kept.as_ref().and_then(|kept| kept.slow);
+        let averages = averages(scene, view, kept)?;
         let mut recording = Recording::new(folder, scene, series, collections, averages)?;
         match checkpoint {
             None => drop(recording.record(0, 0.0, view, readings)?),
             Some(from) => recording.frame(from.stamp.step, from.stamp.time, view)?,
         }
-        recording.slow = slow(checkpoint)?;
+        recording.slow = slow;
         Ok(recording)
     }
 
@@ -114,17 +128,17 @@ impl Recording {
     ) -> Result<Recording> {
         let at = |name: &str| folder.path().join(name);
         create_folder(&at("frames"))?;
-        let (time, dt) = (checkpoint.stamp.time, scene.time.step);
-        let due = due(&scene.output, dt, scene.time.steps(), (time / dt).round() as u64);
+        let (time, kept) = (checkpoint.stamp.time, checkpoint.recorder::<Kept>()?);
+        let Kept { slow, due, .. } = kept;
         let until = |due: bool| if due { time } else { time.next_down() };
         let series = Series::resume(&at("series.csv"), &columns(scene, view, readings), until(due.series))?;
         let frames = |name: &str| Collection::resume(&at(name), until(due.frame));
         let (grains, fluid, contacts) =
             (frames("grains.pvd")?, frames("fluid.pvd")?, frames("contacts.pvd")?);
         folder.reopen(|frame| grains.has(frame) || fluid.has(frame) || contacts.has(frame))?;
-        let averages = kept_averages(scene, view, Some(checkpoint))?;
+        let averages = averages(scene, view, Some(kept))?;
         let mut recording = Recording::new(folder, scene, series, [grains, fluid, contacts], averages)?;
-        recording.slow = slow(Some(checkpoint))?;
+        recording.slow = slow;
         recording.write_averages()?;
         Ok(recording)
     }
@@ -212,9 +226,10 @@ impl Recording {
         Ok(())
     }
 
-    /// What a checkpoint has of this run beside the state of the simulation.
-    pub fn kept(&self) -> Kept {
-        Kept { averages: self.averages.clone(), slow: self.slow, course: self.course.clone() }
+    /// What a checkpoint after so many steps has of this run beside the state of the simulation.
+    pub fn kept(&self, step: u64) -> Kept {
+        let (averages, slow, course) = (self.averages.clone(), self.slow, self.course.clone());
+        Kept { averages, slow, course, due: self.due(step) }
     }
 
     /// Writes the checkpoint, and the averages so far.
@@ -228,7 +243,7 @@ impl Recording {
         // Before the checkpoint: a run that is killed between the two goes on from the one before, and writes them
         // again.
         self.write_averages()?;
-        Checkpoint::write(&path, stamp, state, &self.kept())?;
+        Checkpoint::write(&path, stamp, state, &self.kept(stamp.step))?;
         Ok(path)
     }
 
@@ -238,7 +253,7 @@ impl Recording {
     /// It cannot be written.
     pub fn failed(&self, stamp: &Stamp, state: &impl Serialize) -> Result<PathBuf> {
         let path = self.folder().join(FAILED);
-        Checkpoint::write(&path, stamp, state, &self.kept())?;
+        Checkpoint::write(&path, stamp, state, &self.kept(stamp.step))?;
         self.write_averages()?;
         Ok(path)
     }
@@ -269,27 +284,6 @@ fn due(output: &Output, dt: f64, last: u64, step: u64) -> Due {
         average,
         checkpoint: step == last || (step > 0 && every(output.checkpoint_interval)),
     }
-}
-
-fn slow(checkpoint: Option<&Checkpoint>) -> Result<Option<Slow>> {
-    let Some(checkpoint) = checkpoint else { return Ok(None) };
-    let kept: Kept = checkpoint.recorder()?;
-    Ok(kept.slow)
-}
-
-/// The averages to go on with: those of the checkpoint, if the scene asks for the same.
-fn kept_averages<const D: usize>(
-    scene: &Scene,
-    view: &View<D>,
-    checkpoint: Option<&Checkpoint>,
-) -> Result<Option<Averages>> {
-    let fresh = averages(scene, view)?;
-    let Some(checkpoint) = checkpoint else { return Ok(fresh) };
-    let kept: Kept = checkpoint.recorder()?;
-    Ok(match (fresh, kept.averages) {
-        (Some(fresh), Some(kept)) if kept.asked_as(&fresh) => Some(kept),
-        (fresh, _) => fresh,
-    })
 }
 
 fn columns<const D: usize>(scene: &Scene, view: &View<D>, readings: &[Reading]) -> Vec<String> {
@@ -338,11 +332,15 @@ pub fn check_averages<const D: usize>(scene: &Scene, view: &View<D>) -> Result<(
     Err(scene.error("output.average.cell", message, "give a larger side, of some grains"))
 }
 
-/// The grid of the averages.
-fn averages<const D: usize>(scene: &Scene, view: &View<D>) -> Result<Option<Averages>> {
+/// The averages that a checkpoint has, if they are those that are asked for, or a new grid.
+fn averages<const D: usize>(scene: &Scene, view: &View<D>, kept: Option<Kept>) -> Result<Option<Averages>> {
+    let Some(average) = &scene.output.average else { return Ok(None) };
+    let kept = kept.and_then(|kept| kept.averages).filter(|kept| kept.asked_as(average));
+    if kept.is_some() {
+        return Ok(kept);
+    }
     check_averages(scene, view)?;
-    let grid = scene.output.average.as_ref().zip(extent(scene, view));
-    Ok(grid.map(|(average, [lower, upper])| Averages::new(lower, upper, average)))
+    Ok(extent(scene, view).map(|[lower, upper]| Averages::new(lower, upper, average)))
 }
 
 /// The corners of the fluid, or of all walls, or of all grains; along a periodic axis the sides.

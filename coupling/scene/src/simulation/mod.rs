@@ -207,7 +207,7 @@ impl Simulation {
 
     /// Whether the last step is done: not if the run failed after some of its parts.
     pub fn is_between_steps(&self) -> bool {
-        let steps = self.time() / self.dt;
+        let steps = self.coupled.time() / self.dt;
         (steps - steps.round()).abs() <= 1e-3
     }
 
