@@ -48,14 +48,14 @@ quick=(
 )
 full=(
     nothing
-    'grains[0].placement.deposit.seed=2'
-    time.step=2.5e-4
-    time.step=1.25e-4
     'grains[0].solidity=0.714'
-    materials.grains.density=6723
     droplet.grain_share=disc
+    time.step=2.5e-4
+    materials.grains.density=6723
+    'grains[0].placement.deposit.seed=2'
     droplet.heat_flux=gradient
     "half the edge|$full_hole,size=2.75e-5}]"
+    time.step=1.25e-4
 )
 
 mkdir -p "$out"
@@ -99,8 +99,8 @@ study() {
         }' "$folder/${bed}C/series.csv" >>"$table.part"
 }
 if [ "$form" = coarse ]; then
-    for bed in 600 400; do
-        for changed in "${full[@]}"; do study "$bed" "$changed"; done
+    for changed in "${full[@]}"; do
+        for bed in 400 600; do study "$bed" "$changed"; done
     done
 else
     for bed in 300 400 600; do

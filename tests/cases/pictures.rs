@@ -102,7 +102,7 @@ fn runs_with_a_droplet_are_compared() {
     droplet(folder.path(), "hot", 873.15);
     voidage(folder.path()).args(["plot", "hot", "cold", "--out", "both"]).assert().success();
     let both = pictures(&folder.path().join("both"));
-    assert_eq!(both, set(&[&COMPARED[..], &["droplet-final-depth.png"]].concat()));
+    assert_eq!(both, set(&[&COMPARED[..], &["droplet-final-depth.png", "droplet-beds.png"]].concat()));
     voidage(&cold).args(["plot", ".", "../hot"]).assert().success();
     assert!(cold.join("droplet-final-depth.png").is_file());
     voidage(folder.path()).args(["plot", "hot", "--out", "one"]).assert().success();

@@ -199,7 +199,8 @@ impl View {
         views.try_reduce(|| None, |a, b| Ok(join(a, b)))
     }
 
-    fn join(&self, other: &View) -> View {
+    /// One that shows what either does.
+    pub fn join(&self, other: &View) -> View {
         let [left, bottom, right, top] = self.bounds;
         let bounds = [
             left.min(other.bounds[0]),

@@ -408,30 +408,30 @@ fn run(effort: Effort) -> Result<Outcome> {
 
     let (off, felt) = ride(0.15)?;
     let what = "unevenness of a stream that a droplet rides along with";
-    outcome.findings.push(Finding::at_most(what, "U", 1e-9, off));
+    outcome.findings.push(Finding::at_most(what, "U", 1e-11, off));
     outcome.findings.push(Finding::at_most(
         "force and heat that the droplet feels there",
         "N/m, W/m",
-        1e-7,
+        1e-11,
         felt,
     ));
 
     let what = "change of a boiling disc and the fluid around it by a velocity of all that moves";
-    outcome.findings.push(Finding::at_most(what, "1", 1e-9, shifted()?));
+    outcome.findings.push(Finding::at_most(what, "1", 1e-10, shifted()?));
 
     let (off, lacks) = tied()?;
     let what = "a free disc and its fluid beside those of a disc held at its velocity";
-    outcome.findings.push(Finding::at_most(what, "1", 1e-9, off));
+    outcome.findings.push(Finding::at_most(what, "1", 1e-12, off));
     outcome.findings.push(Finding::at_most(
         "what the motion of the free disc lacks",
         "its weight",
-        1e-9,
+        1e-12,
         lacks,
     ));
 
     for expansion in [0.02, -0.02] {
         let what = format!("outflow by a disc that grows by {expansion} in radius");
-        outcome.findings.push(Finding::relative(what, "its area", 1.0, grows(expansion)?, 1e-9));
+        outcome.findings.push(Finding::relative(what, "its area", 1.0, grows(expansion)?, 1e-12));
     }
 
     let pressure = bed_pressure(finest)?;

@@ -1,8 +1,10 @@
 //! Several runs with a droplet in the same pictures.
 
+use super::super::hole::Track;
+use super::super::snapshot::{Picture, View, paint};
 use super::curves::{Run, SINGLE};
 use crate::results::table::Table;
-use crate::results::{FOLDER, read_scene};
+use crate::results::{FOLDER, moments, read_scene};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use voidage_campaign::plot::panels::{self, Curve, Panel};
@@ -36,18 +38,52 @@ pub fn draw(folders: &[PathBuf], out: &Path) -> Result<Vec<PathBuf>> {
     });
     create_folder(out)?;
     let names = names(&runs);
+    let size = runs.first().map(|(_, run)| run.size());
+    let shared = size.filter(|size| runs.iter().all(|(_, run)| run.size() == *size)).unwrap_or_default();
     let mut drawn = Vec::new();
     for figure in &SINGLE {
         let curves = runs.iter().zip(&names).filter_map(|((_, run), name)| figure.curve(run, name));
         let curves: Vec<Curve> = curves.collect();
         if !curves.is_empty() {
             let path = out.join(figure.file);
-            figure.draw(&path, "", curves)?;
+            figure.draw(&path, &shared, curves)?;
             drawn.push(path);
         }
     }
-    drawn.extend(depths(out, &runs)?);
+    drawn.extend(depths(out, &shared, &runs)?);
+    let scenes = runs.iter().map(|(folder, _)| {
+        let place = folders.iter().position(|other| other == *folder);
+        place.map(|place| (folder.as_path(), &read[place]))
+    });
+    drawn.extend(beds(out, &scenes.flatten().zip(&names).collect::<Vec<_>>())?);
     Ok(drawn)
+}
+
+/// A run in its folder, with the name that it has in legends.
+type Named<'a> = ((&'a Path, &'a (Scene, Table)), &'a String);
+
+/// The last moments of runs side by side, with the same axes and colours; none where a run has no frames.
+fn beds(out: &Path, runs: &[Named]) -> Result<Option<PathBuf>> {
+    let (mut shown, mut view, mut titles) = (Vec::new(), None::<View>, Vec::new());
+    for ((folder, (scene, series)), name) in runs {
+        let moments = moments(folder)?;
+        let Some(last) = moments.last() else { return Ok(None) };
+        let track = Track::new(series);
+        let own = View::over(std::slice::from_ref(last), scene, track.as_ref())?;
+        view = view.map_or(own.clone(), |view| own.map(|own| view.join(&own)));
+        let picture = Picture::read(last, track.as_ref())?;
+        titles.push(format!("{name}, {}", picture.title()));
+        shown.push((scene, picture));
+    }
+    let path = out.join("droplet-beds.png");
+    let Some(view) = view else { return Ok(None) };
+    let Some(mut plane) = view.plane(&path, &titles)? else { return Ok(None) };
+    for (k, (scene, picture)) in shown.iter().enumerate() {
+        plane.turn_to(k);
+        paint(&mut plane, scene, picture, &view)?;
+    }
+    plane.save()?;
+    Ok(Some(path))
 }
 
 /// The scene and the series of a run.
@@ -75,7 +111,7 @@ fn names(runs: &[(&PathBuf, Run)]) -> Vec<String> {
 }
 
 /// The greatest and the last depth against the temperature of the bed; none where runs lack them.
-fn depths(out: &Path, runs: &[(&PathBuf, Run)]) -> Result<Option<PathBuf>> {
+fn depths(out: &Path, title: &str, runs: &[(&PathBuf, Run)]) -> Result<Option<PathBuf>> {
     let (mut deepest, mut last) = (Vec::new(), Vec::new());
     for (_, run) in runs {
         let (Some(bed), Some(depth)) = (run.bed_temperature(), run.depth()) else { continue };
@@ -98,7 +134,11 @@ fn depths(out: &Path, runs: &[(&PathBuf, Run)]) -> Result<Option<PathBuf>> {
                 vec![(coolest - BESIDE, 0.0), (hottest + BESIDE, 0.0)],
             ),
         ],
-        ..Panel::new("", "temperature of the bed at time zero (\u{b0}C)", "depth of the lowest point h / D")
+        ..Panel::new(
+            title,
+            "temperature of the bed at time zero (\u{b0}C)",
+            "depth of the lowest point h / D",
+        )
     };
     panels::large(&path, 1, &[panel])?;
     Ok(Some(path))

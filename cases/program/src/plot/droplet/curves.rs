@@ -55,10 +55,14 @@ impl<'a> Run<'a> {
         column.get(..self.rows)
     }
 
+    /// Diameter and time of a fall over it.
+    pub fn size(&self) -> String {
+        format!("D = {:.2} mm, \u{221a}(D/g) = {:.2} ms", 1e3 * self.diameter, 1e3 * self.time)
+    }
+
     /// What values are divided by, as far as it is known.
     fn scales(&self) -> String {
-        let mut scales =
-            format!("D = {:.2} mm, \u{221a}(D/g) = {:.2} ms", 1e3 * self.diameter, 1e3 * self.time);
+        let mut scales = self.size();
         if let Some(Parts { scale, .. }) = self.forces() {
             scales += &format!(", W\u{2080} = {:.1} mN/m", 1e3 * scale);
         }
