@@ -217,8 +217,8 @@ impl<const D: usize> Droplet<D> {
     }
 
     /// Rate a of the loop of what is absorbed and boils in the next step, 1/s: a = |F| (dQ/dU) / (Q m), with
-    /// `absorption` dQ/dU, W per m/s, the heat Q that boils and the force F of its vapour. In a step longer than some
-    /// 3/a the droplet bounces for want of a shorter one.
+    /// `absorption` dQ/dU, W per m/s, the heat Q that boils and the force F of its vapour. A deviation of the
+    /// velocity is 1 - a dt times as large after a step, and grows in steps above 2/a.
     pub(crate) fn absorption_rate(&self, absorption: f64) -> f64 {
         let boils = self.answer.vapour * self.material.vapour_density * self.material.latent_heat;
         match absorption > 0.0 && boils > 0.0 && self.state.liquid > 0.0 && !self.material.held {

@@ -22,10 +22,10 @@ pub struct Cutting {
     /// How far a grain may move in a part of a step, in its diameters. On the whole way the fluid acts on it as at the
     /// place where it was at the start of the part. Above 0. Default 0.25.
     pub travel: f64,
-    /// With a droplet: how large dt |F| (dQ/dU) / (Q m) may become in a part of a step, where dQ/dU is the heat of the
-    /// grains that a faster droplet would take in, Q what boils and F the force of the vapour on its mass m. Heat that
-    /// is taken in boils water in the next step, and above about 3 the droplet bounces on its own vapour. Above 0.
-    /// Default 1.
+    /// With a droplet: how large x = dt |F| (dQ/dU) / (Q m) may become in a part of a step, where dQ/dU is the heat of
+    /// the grains that a faster droplet would take in, Q what boils and F the force of the vapour on its mass m. Heat
+    /// that is taken in boils water in the next step. This makes 1 - x times as much of a deviation of the velocity,
+    /// which grows above 2. Above 0. Default 1.
     pub absorption: f64,
 }
 
