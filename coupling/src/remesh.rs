@@ -153,7 +153,7 @@ impl<const D: usize> Fluid<D> {
             let wanted = self.mesh.points.iter().zip(&mut remesher.spacing);
             wanted.for_each(|(x, spacing)| {
                 let far = remesher.domain.as_ref().map_or(*spacing, |domain| domain.size_at([x[0], x[1]]));
-                *spacing = if droplet.state.gone || vanishes { far } else { far.min(droplet.spacing(x)) };
+                *spacing = if droplet.state.gone { far } else { far.min(droplet.spacing(x)) };
             });
         }
         let hole = self.droplet.as_ref().filter(|_| vanishes).map(|droplet| droplet.boundary.as_str());
