@@ -15,6 +15,9 @@ use voidage_scene::recorder::create_folder;
 /// 0 degrees Celsius, K.
 const CELSIUS: f64 = 273.15;
 
+/// Begin of the name of a run that its bed tells from the others.
+const BED: &str = "bed of ";
+
 /// Room beside the coolest and the hottest bed, K.
 const BESIDE: f64 = 20.0;
 
@@ -72,7 +75,7 @@ fn beds(out: &Path, runs: &[Named]) -> Result<Option<PathBuf>> {
         let own = View::over(std::slice::from_ref(last), scene, track.as_ref())?;
         view = view.map_or(own.clone(), |view| own.map(|own| view.join(&own)));
         let picture = Picture::read(last, track.as_ref())?;
-        titles.push(format!("{name}, {}", picture.title()));
+        titles.push(format!("{}, {}", name.strip_prefix(BED).unwrap_or(name), picture.title()));
         shown.push((scene, picture));
     }
     let path = out.join("droplet-beds.png");
@@ -101,7 +104,7 @@ fn read(folder: &Path) -> Result<(Scene, Table)> {
 /// Names of runs in legends: the temperature of the bed, or the folder where that does not tell them apart.
 fn names(runs: &[(&PathBuf, Run)]) -> Vec<String> {
     let bed = |(_, run): &(&PathBuf, Run)| {
-        run.bed_temperature().map(|bed| format!("bed of {:.0} \u{b0}C", bed - CELSIUS))
+        run.bed_temperature().map(|bed| format!("{BED}{:.0} \u{b0}C", bed - CELSIUS))
     };
     let last = |(folder, _): &(&PathBuf, Run)| Some(folder.file_name()?.to_string_lossy().into_owned());
     let named: [Option<Vec<String>>; 2] = [runs.iter().map(bed).collect(), runs.iter().map(last).collect()];
