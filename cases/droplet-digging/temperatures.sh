@@ -52,8 +52,10 @@ columns=bed_C,time_s,depth_m,sinking_speed_m_per_s,vaporisation_kg_per_s_per_m,l
                 count = split(at, wanted, " ")
                 end = start = 2
                 for (k = 1; k <= count && wanted[k] <= time[NR] + 1e-9; k++) {
+                    # A run that began later has no rows of these times.
+                    if (wanted[k] <= time[2]) continue
                     while (time[end] < wanted[k] - 1e-9) end++
-                    while (time[start] < wanted[k] - 0.05 - 1e-9) start++
+                    while (start < end - 1 && time[start] < wanted[k] - 0.05 - 1e-9) start++
                     mean_vapour = mean_lifetime = 0
                     for (row = start + 1; row <= end; row++) {
                         mean_vapour += vapour[row] / (end - start)

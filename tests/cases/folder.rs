@@ -311,6 +311,16 @@ fn a_run_that_was_stopped_between_two_frames_leaves_the_frames_of_one_left_alone
     );
     good(folder.path(), &[&["--out", "out", "--restart", "out/checkpoint.voidage"], &rows[..]].concat());
     assert_eq!(frames("out"), frames("straight"));
+    // So it is where the end of the scene was another, and what was due before other intervals were asked for stays.
+    let (end, every) = (["--set", "time.end=0.013"], ["--set", "output.frame_interval=0.03"]);
+    good(folder.path(), &[&["--out", "end"], &end[..], &rows[..]].concat());
+    good(folder.path(), &[&["--out", "end", "--restart", "end/checkpoint.voidage"], &rows[..]].concat());
+    assert_eq!(frames("end"), frames("straight"));
+    good(folder.path(), &[&["--out", "other", "--until", "0.02"], &rows[..]].concat());
+    let restart = ["--out", "other", "--restart", "other/checkpoint.voidage"];
+    good(folder.path(), &[&restart[..], &every[..], &rows[..]].concat());
+    let ends = |k: &&str| frames("other").1.contains(&format!("grains-{k}"));
+    assert_eq!(["00000010", "00000020", "00000030"].iter().filter(|k| ends(k)).count(), 3);
 }
 
 /// Only keys were compared where any had changed, and the weight was that of the gravity before.

@@ -59,8 +59,9 @@ pub struct Curve {
     pub style: Style,
 }
 
-/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order; where
-/// there are more of them than colours, lines are dashed and discs are circles. One without a name looks like the one before, to which it belongs.
+/// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order;
+/// where there are more of them than colours, lines are dashed and discs are circles. One without a name looks like the
+/// one before, to which it belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Black line: exact.

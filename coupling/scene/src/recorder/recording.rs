@@ -30,7 +30,7 @@ pub struct Kept {
     pub slow: Option<Slow>,
     /// What decides the course of the run, [`Scene::course_toml`].
     pub course: String,
-    /// What was due in its step.
+    /// What was due in its step, also if the run had not ended then.
     pub due: Due,
 }
 
@@ -129,10 +129,15 @@ impl Recording {
         let at = |name: &str| folder.path().join(name);
         create_folder(&at("frames"))?;
         let (time, kept) = (checkpoint.stamp.time, checkpoint.recorder::<Kept>()?);
-        let Kept { slow, due, .. } = kept;
+        let (slow, was) = (kept.slow, kept.due);
+        let is = due(&scene.output, scene.time.step, scene.time.steps(), checkpoint.stamp.step);
         let until = |due: bool| if due { time } else { time.next_down() };
-        let series = Series::resume(&at("series.csv"), &columns(scene, view, readings), until(due.series))?;
-        let frames = |name: &str| Collection::resume(&at(name), until(due.frame));
+        let series = Series::resume(
+            &at("series.csv"),
+            &columns(scene, view, readings),
+            until(was.series || is.series),
+        )?;
+        let frames = |name: &str| Collection::resume(&at(name), until(was.frame || is.frame));
         let (grains, fluid, contacts) =
             (frames("grains.pvd")?, frames("fluid.pvd")?, frames("contacts.pvd")?);
         folder.reopen(|frame| grains.has(frame) || fluid.has(frame) || contacts.has(frame))?;
@@ -229,7 +234,7 @@ impl Recording {
     /// What a checkpoint after so many steps has of this run beside the state of the simulation.
     pub fn kept(&self, step: u64) -> Kept {
         let (averages, slow, course) = (self.averages.clone(), self.slow, self.course.clone());
-        Kept { averages, slow, course, due: self.due(step) }
+        Kept { averages, slow, course, due: due(&self.output, self.step, u64::MAX, step) }
     }
 
     /// Writes the checkpoint, and the averages so far.
