@@ -45,6 +45,8 @@ quick=(
     "half the edge|$quick_hole,size=2.75e-5}]"
     time.step=2.5e-4
     time.step=1.25e-4
+    coupling.scheme=henry
+    contacts.tolerance=0.1
 )
 full=(
     nothing
@@ -54,6 +56,8 @@ full=(
     materials.grains.density=6723
     'grains[0].placement.deposit.seed=2'
     droplet.heat_flux=gradient
+    coupling.scheme=iterated
+    contacts.tolerance=2e-2
     "half the edge|$full_hole,size=2.75e-5}]"
     time.step=1.25e-4
 )

@@ -124,3 +124,33 @@ fn a_temperature_that_is_no_number_is_not_solved() {
     dem.particles.heat.as_mut().unwrap().temperature[1] = f64::NAN;
     assert!(!dem.step(1e-3, &Load::default()).converged);
 }
+
+/// Conduction that was switched off after a grain had left went on with the heats of the step before.
+#[test]
+fn conduction_ends_where_it_is_switched_off_after_grains_left() {
+    let material = Material {
+        young: 1e9,
+        poisson: 0.3,
+        conductivity: 10.0,
+        heat_capacity: 100.0,
+        ..Material::default()
+    };
+    for leaves in [false, true] {
+        let grains = discs((0..3).map(|k| v(0.0, 0.5 + f64::from(k))).collect(), 0.5, &material);
+        let mut grains = grains.heated(300.0, std::slice::from_ref(&material)).unwrap();
+        grains.heat.as_mut().unwrap().temperature[1] = 400.0;
+        let settings = Settings { conduction: Some(Conduction::Line), ..precise() };
+        let mut dem = Dem::new(grains, vec![floor(0.0)], vec![material.clone()], settings.clone()).unwrap();
+        dem.step(1e-3, &Load::default());
+        assert!(dem.contact_heat()[0] > 0.0, "{:?}", dem.contact_heat());
+        if leaves {
+            dem.retain(&[true, true, false]);
+        }
+        let temperature = dem.particles.heat.clone().unwrap().temperature;
+        let off = Settings { conduction: None, ..settings };
+        dem.change(vec![floor(0.0)], vec![material.clone()], off).unwrap();
+        dem.step(1e-3, &Load::default());
+        assert!(dem.contact_heat().iter().all(|q| *q == 0.0), "{:?}", dem.contact_heat());
+        assert_eq!(dem.particles.heat.as_ref().unwrap().temperature, temperature);
+    }
+}
