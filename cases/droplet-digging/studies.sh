@@ -24,13 +24,18 @@ fi
 hole='fluid.mesh.rectangle.holes=[{name="droplet",growth=0.2'
 quick_hole="$hole,centre=[0.003,0.00825],radius=1e-3"
 full_hole="$hole,centre=[0.005,0.02525],radius=1.25e-3"
+half_grain='grains[0].radius={uniform=[2.2e-5,2.75e-5]}|grains[0].amount.count=15600|contacts.cohesion.force=7.5e-4'
 quick=(
     nothing
     'grains[0].placement.deposit.seed=2'
     'grains[0].placement.deposit.seed=3'
     'grains[0].solidity=0.714'
     materials.glass.density=6723
-    "half the grain|grains[0].radius={uniform=[2.2e-5,2.75e-5]}|grains[0].amount.count=15600|contacts.cohesion.force=7.5e-4"
+    "half the grain|$half_grain"
+    "half the grain and an eighth of the conductivity|$half_grain|fluid.heat.conductivity=0.0425"
+    fluid.heat.conductivity=0.68
+    fluid.heat.conductivity=1.36
+    fluid.heat.conductivity=2.72
     droplet.heat_flux=gradient
     droplet.blowing=interstitial
     droplet.buoyancy=hydrostatic

@@ -260,37 +260,73 @@ fn check_says_what_is_on_and_off() {
     }
 }
 
+/// Starts a run, interrupts it when its folder `out` is ready for that, and returns what it said. It ends in time.
 #[cfg(unix)]
-#[test]
-fn an_interrupt_writes_a_checkpoint_and_ends_cleanly() {
-    let folder = folder();
-    let arguments = ["run", "scene.toml", "--quiet", "--out", "out", "--set", "time.end=1000"];
+fn interrupted(folder: &Path, options: &[&str], ready: impl Fn(&Path) -> bool) -> String {
+    let arguments = [&["run", "scene.toml", "--quiet", "--out", "out"], options].concat();
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_voidage"))
-        .current_dir(folder.path())
+        .current_dir(folder)
         .args(arguments)
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
-    let start = Instant::now();
-    let out = folder.path().join("out");
-    while !out.join("grains.pvd").exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "the run does not start");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    let id = child.id().to_string();
-    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    let output = {
-        let status = child.wait().unwrap();
-        (status, std::io::read_to_string(child.stderr.take().unwrap()).unwrap())
+    let mut wait = |what: &str, done: &dyn Fn(&mut std::process::Child) -> bool| {
+        let start = Instant::now();
+        while !done(&mut child) {
+            if start.elapsed() > Duration::from_secs(60) {
+                child.kill().unwrap();
+                panic!("{what}");
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
     };
-    assert_eq!(output.0.code(), Some(1), "{}", output.1);
-    assert!(output.1.contains("interrupted") && output.1.contains("--restart"), "{}", output.1);
-    assert_eq!(json(&out.join("summary.json"))["outcome"], "interrupted");
+    wait("the run does not start", &|_| ready(&folder.join("out")));
+    wait("there is no `kill`", &|child| {
+        let id = child.id().to_string();
+        std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success()
+    });
+    wait("the run does not end", &|child| child.try_wait().unwrap().is_some());
+    let said = std::io::read_to_string(child.stderr.take().unwrap()).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{said}");
+    assert!(said.contains("interrupted") && said.contains("--restart"), "{said}");
+    assert_eq!(json(&folder.join("out/summary.json"))["outcome"], "interrupted");
+    said
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_writes_a_checkpoint_and_ends_cleanly() {
+    let folder = folder();
+    interrupted(folder.path(), &["--set", "time.end=1000"], |out| out.join("grains.pvd").exists());
+    let out = folder.path().join("out");
     let time = json(&out.join("summary.json"))["time_s"].as_f64().unwrap();
     let end = format!("time.end={}", time + 0.002);
     run(folder.path(), "out", &["--set", &end, "--restart", "out/checkpoint.voidage"]);
     let series = rows(&out.join("series.csv"));
     assert!(series.windows(2).all(|pair| pair[1][0] > pair[0][0]), "times of the series do not grow");
+}
+
+/// Where a step takes longer than an interrupt waits for it, the last state is saved. The pictures were then drawn by
+/// the threads of the run: with one thread, which is in its step, the program waited for ever.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_within_a_long_step_ends_a_run_of_one_thread() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = include_str!("../../cases/droplet-digging/scene-quick.toml");
+    fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let options = "--threads 1 --set grains[0].amount.count=20 --set output.frame_interval=5e-4
+        --set fluid.mesh.rectangle.size=2e-5";
+    let options: Vec<&str> = options.split_whitespace().collect();
+    let within = |out: &Path| {
+        let frames = fs::read_dir(out.join("frames")).map_or(0, Iterator::count);
+        // The frame of the last step is written to its end before the next step begins.
+        frames >= 4 && {
+            std::thread::sleep(Duration::from_millis(500));
+            true
+        }
+    };
+    let said = interrupted(folder.path(), &options, within);
+    assert!(said.contains("within a step"), "{said}");
 }
 
 /// What a run wrote before it failed can be read.

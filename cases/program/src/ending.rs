@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tracing::warn;
-use voidage_coupling::Result;
+use voidage_coupling::{Error, Result};
 use voidage_dem::Rounded;
 use voidage_scene::recorder::{CHECKPOINT, Checkpoint, Kept, Stamp, Summary};
 use voidage_scene::simulation::State;
@@ -109,7 +109,9 @@ impl Ending {
         if self.claimed.swap(true, Ordering::SeqCst) {
             return;
         }
-        match self.saved.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        // The run keeps its next state meanwhile if its step ends: the lock is free again.
+        let saved = self.saved.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match saved {
             None => warn!("interrupted before the first step: nothing has been computed that could be saved"),
             Some(saved) => {
                 if let Err(error) = saved.write() {
@@ -133,6 +135,9 @@ impl Saved {
         );
         self.summary.outcome = "interrupted".to_owned();
         self.summary.write(&self.folder.join("summary.json"))?;
-        crate::plot::draw(&self.folder).map(drop)
+        // In threads of its own: those of the run are busy with its step, or wait for this process to end.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.map_err(|error| Error::run(format!("cannot start threads: {error}")))?;
+        pool.install(|| crate::plot::draw(&self.folder)).map(drop)
     }
 }

@@ -297,7 +297,9 @@ impl Layout {
             .draw()?;
         if !title.is_empty() {
             let place = (pixels(left) as i32, pixels(16) as i32);
-            area.draw(&Text::new(title.to_owned(), place, text(24)))?;
+            // Over a narrow pane a long title is small, so that it does not touch the next one.
+            let fits = 24.0 * f64::from(inner[0] + right) / (LETTER * title.chars().count() as f64);
+            area.draw(&Text::new(title.to_owned(), place, text(fits.min(24.0) as u32)))?;
         }
         let frame = Frame::of(&chart, bounds);
         if count > 1 {
