@@ -273,7 +273,7 @@ fn interrupted(folder: &Path, options: &[&str], ready: impl Fn(&Path) -> bool) -
     let mut wait = |what: &str, done: &dyn Fn(&mut std::process::Child) -> bool| {
         let start = Instant::now();
         while !done(&mut child) {
-            if start.elapsed() > Duration::from_secs(60) {
+            if start.elapsed() > Duration::from_secs(120) {
                 child.kill().unwrap();
                 panic!("{what}");
             }
@@ -321,7 +321,7 @@ fn an_interrupt_within_a_long_step_ends_a_run_of_one_thread() {
         let frames = fs::read_dir(out.join("frames")).map_or(0, Iterator::count);
         // The frame of the last step is written to its end before the next step begins.
         frames >= 4 && {
-            std::thread::sleep(Duration::from_millis(500));
+            std::thread::sleep(Duration::from_millis(200));
             true
         }
     };
