@@ -319,7 +319,7 @@ fn an_interrupt_within_a_long_step_ends_a_run_of_one_thread() {
     let options: Vec<&str> = options.split_whitespace().collect();
     let within = |out: &Path| {
         let frames = fs::read_dir(out.join("frames")).map_or(0, Iterator::count);
-        // The frame of the last step is written to its end before the next step begins.
+        // Soon after a step has begun to write its frame, the next one has begun.
         frames >= 4 && {
             std::thread::sleep(Duration::from_millis(200));
             true

@@ -8,6 +8,10 @@ fn weightless() -> Settings<2> {
     Settings { gravity: V::zeros(), ..precise() }
 }
 
+fn conducting() -> Material {
+    Material { young: 1e9, poisson: 0.3, conductivity: 10.0, heat_capacity: 100.0, ..Material::default() }
+}
+
 /// A grain that a heavy one kicks faster than anything moved before meets what lies on its way, also where it would end
 /// beyond it. A small one went through a wall, because only the places at the end were compared.
 #[test]
@@ -61,13 +65,7 @@ fn a_wall_that_has_vanished_stays_away_in_a_doubly_periodic_box() {
 /// in flow were zero in nearly all pictures.
 #[test]
 fn contacts_stay_known_when_other_grains_leave_or_come() {
-    let material = Material {
-        young: 1e9,
-        poisson: 0.3,
-        conductivity: 10.0,
-        heat_capacity: 100.0,
-        ..Material::default()
-    };
+    let material = conducting();
     let places = (0..5).map(|k| v(0.0, 0.5 + f64::from(k))).collect();
     let mut grains = discs(places, 0.5, &material).heated(300.0, std::slice::from_ref(&material)).unwrap();
     let heat = grains.heat.as_mut().unwrap();
@@ -110,13 +108,7 @@ fn contacts_stay_known_when_other_grains_leave_or_come() {
 /// A temperature that is no number was taken for one that agrees.
 #[test]
 fn a_temperature_that_is_no_number_is_not_solved() {
-    let material = Material {
-        young: 1e9,
-        poisson: 0.3,
-        conductivity: 10.0,
-        heat_capacity: 100.0,
-        ..Material::default()
-    };
+    let material = conducting();
     let grains = discs(vec![v(0.0, 0.5), v(0.0, 1.5)], 0.5, &material);
     let grains = grains.heated(300.0, std::slice::from_ref(&material)).unwrap();
     let settings = Settings { conduction: Some(Conduction::Line), ..precise() };
@@ -128,13 +120,7 @@ fn a_temperature_that_is_no_number_is_not_solved() {
 /// Conduction that was switched off after a grain had left went on with the heats of the step before.
 #[test]
 fn conduction_ends_where_it_is_switched_off_after_grains_left() {
-    let material = Material {
-        young: 1e9,
-        poisson: 0.3,
-        conductivity: 10.0,
-        heat_capacity: 100.0,
-        ..Material::default()
-    };
+    let material = conducting();
     for leaves in [false, true] {
         let grains = discs((0..3).map(|k| v(0.0, 0.5 + f64::from(k))).collect(), 0.5, &material);
         let mut grains = grains.heated(300.0, std::slice::from_ref(&material)).unwrap();

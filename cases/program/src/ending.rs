@@ -109,7 +109,7 @@ impl Ending {
         if self.claimed.swap(true, Ordering::SeqCst) {
             return;
         }
-        // The run keeps its next state meanwhile if its step ends: the lock is free again.
+        // The lock is free before anything is written: a run whose step ends meanwhile keeps its next state.
         let saved = self.saved.lock().unwrap_or_else(PoisonError::into_inner).take();
         match saved {
             None => warn!("interrupted before the first step: nothing has been computed that could be saved"),
@@ -135,7 +135,7 @@ impl Saved {
         );
         self.summary.outcome = "interrupted".to_owned();
         self.summary.write(&self.folder.join("summary.json"))?;
-        // In threads of its own: those of the run are busy with its step, or wait for this process to end.
+        // In a thread of its own: those of the run are busy with its step, or wait for this process to end.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let pool = pool.map_err(|error| Error::run(format!("cannot start threads: {error}")))?;
         pool.install(|| crate::plot::draw(&self.folder)).map(drop)
