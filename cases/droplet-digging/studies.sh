@@ -71,8 +71,8 @@ mkdir -p "$out"
 table=$out/studies.csv
 columns=bed_C,changed,depth_m,sinking_speed_m_per_s,velocity_deviation_m_per_s,vaporisation_kg_per_s_per_m
 {
-    echo "# cases/droplet-digging/studies.sh OUT${2:+ $2}; depth at $end s, absorption of all steps, all else from $from to $end s"
-    echo $columns,lifetime_s,solid_share_in_water,largest_absorption_number
+    echo "# cases/droplet-digging/studies.sh OUT${2:+ $2}; depth at $end s, all else from $from to $end s"
+    echo $columns,lifetime_s,solid_share_in_water
 } >"$table.part"
 study() {
     local bed=$1 changed=${2%%|*} keys key set=() folder
@@ -89,8 +89,6 @@ study() {
     awk -F, -v bed="$bed" -v changed="$changed" -v from=$from '
         NR == 1 { for (k = 1; k <= NF; k++) column[$k] = k; next }
         { time = $column["time_s"]; depth = $column["droplet_depth_m"] }
-        { absorption = $column["droplet_absorption_number"] }
-        absorption > largest { largest = absorption }
         time < from - 1e-9 { before = depth; start = time; next }
         {
             rows++
@@ -103,8 +101,8 @@ study() {
             solid += 1 - $column["droplet_liquid_kg_per_m"] / 958.4 / area
         }
         END {
-            printf "%s,%s,%.3e,%.2e,%.2e,%.2e,%.1f,%.3f,%.3f\n", bed, changed, depth, (depth - before) / (time - start),
-                sqrt(squares / rows - (velocities / rows) ^ 2), vapour / rows, lifetime / rows, solid / rows, largest
+            printf "%s,%s,%.3e,%.2e,%.2e,%.2e,%.1f,%.3f\n", bed, changed, depth, (depth - before) / (time - start),
+                sqrt(squares / rows - (velocities / rows) ^ 2), vapour / rows, lifetime / rows, solid / rows
         }' "$folder/${bed}C/series.csv" >>"$table.part"
 }
 if [ "$form" = coarse ]; then

@@ -171,10 +171,14 @@ impl<const D: usize> Mixture<D> {
         self.add_unsteady(dt);
         let particles = &self.grains.particles;
         let Interaction { wet, .. } = &mut self.interaction;
-        if let (Some(droplet), Some(wet)) = (&self.fluid.droplet, wet) {
+        if let (Some(droplet), Some(wet)) = (&mut self.fluid.droplet, wet) {
             let water = &droplet.material.water;
             let liquid = droplet.material.choices.inside.of(droplet.state.liquid / droplet.volume());
             wet.evaluate_closures(particles, (water, liquid), &droplet.state.velocity);
+            // Now, as the grains that its surface has come to cut are hot: the water cools them in the step.
+            let (state, temperature) = (&droplet.state, droplet.material.temperature);
+            let (place, moved) = ((&state.centre, state.radius), (&state.way, temperature, dt));
+            droplet.taken_in = wet.taken_in(particles, droplet.surface(), place, moved);
         }
         match self.interaction.sticks_below.is_empty() {
             true => self.interaction.cohesive.clear(),
@@ -331,11 +335,9 @@ impl<const D: usize> Mixture<D> {
     /// the limit of stability its absorption of hot grains takes, both without unit; zero without a droplet, or grains
     /// in it.
     pub(crate) fn droplet_reach(&mut self, dt: f64) -> (f64, f64) {
-        let Self { grains, fluid, interaction, .. } = self;
+        let Self { fluid, interaction, .. } = self;
         let (Some(wet), Some(droplet)) = (&interaction.wet, fluid.live_droplet()) else { return (0.0, 0.0) };
-        let (surface, stream) = (droplet.surface(), droplet.stream());
-        let rate = wet.absorption(&grains.particles, grains.mean_velocity(), surface, &stream);
-        droplet.absorption = droplet.absorption_rate(rate);
+        droplet.absorption = droplet.absorption_rate();
         (droplet.travel(dt) / wet.smallest(), droplet.absorption * dt)
     }
 

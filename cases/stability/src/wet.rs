@@ -20,7 +20,7 @@ use voidage_fluid::transport::{Form, Scalar};
 use voidage_verification::models::{FluidSet, Vec2, alike, weightless};
 
 /// Radius of the droplet, edge of the mesh at its surface, and half the box, m.
-const RADIUS: f64 = 5e-4;
+pub(super) const RADIUS: f64 = 5e-4;
 const EDGE: f64 = 7e-5;
 const HALF: f64 = 1.5e-3;
 /// Of water and of the gas (Table 2 of Henry et al.), SI.
@@ -98,12 +98,12 @@ pub const AXES: &[Axis] = &[
 ];
 
 /// A box with a droplet in its middle.
-fn mesh() -> Result<Mesh<2>> {
+pub(super) fn box_around(sides: Sides) -> Result<Mesh<2>> {
     Ok(Mesh::rectangle(&Rectangle {
         lower: [-HALF; 2],
         upper: [HALF; 2],
         size: Some(4e-4),
-        sides: Sides::all("around"),
+        sides,
         holes: vec![Hole {
             name: "droplet".into(),
             centre: [0.0; 2],
@@ -117,21 +117,21 @@ fn mesh() -> Result<Mesh<2>> {
 }
 
 /// Places of a square lattice within half the extents.
-fn lattice(extent: [f64; 2], spacing: f64) -> Vec<Vec2> {
+pub(super) fn lattice(extent: [f64; 2], spacing: f64) -> Vec<Vec2> {
     let [columns, rows] = extent.map(|half| (half / spacing) as i32);
     let row = |k: i32| (-columns..=columns).map(move |i| Vec2::new(f64::from(i), f64::from(k)) * spacing);
     (-rows..=rows).flat_map(row).collect()
 }
 
 /// Gas around a droplet, and grains.
-fn system(
+pub(super) fn system(
     set: &FluidSet,
+    mut mesh: Mesh<2>,
     of: Material<2>,
     grains: Dem<2>,
     thermal: Option<ThermalFluid>,
     scheme: SchemeName,
 ) -> Result<Coupled<2>> {
-    let mut mesh = mesh()?;
     let place = (Vec2::zeros(), RADIUS);
     let droplet = Droplet::new(&mut mesh, "droplet", place, (Vec2::zeros(), 0.2), of)?;
     let start = set.rest(&mesh, HOT);
@@ -146,7 +146,8 @@ fn system(
     Ok(system)
 }
 
-fn droplet(system: &mut Coupled<2>) -> Option<Droplet<2>> {
+/// The droplet, if there is still one.
+pub(super) fn live(system: &mut Coupled<2>) -> Option<Droplet<2>> {
     system.fluid_mut().and_then(|fluid| fluid.live_droplet().cloned())
 }
 
@@ -171,10 +172,10 @@ fn share(a: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     let alone = Choices { inside: Inside { voidage: WaterVoidage::One }, ..Choices::default() };
     let of = Material { water: Water { viscosity, ..of.water }, choices: alone, ..of };
     let grains = Dem::new(particles, vec![], vec![solid], weightless())?;
-    let mut system = system(&set, of, grains, None, scheme)?;
+    let mut system = system(&set, box_around(Sides::all("around"))?, of, grains, None, scheme)?;
     let mut tally = Tally::default();
     let slip = |system: &mut Coupled<2>| {
-        let water = droplet(system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
+        let water = live(system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
         let grain = system.grains().map_or_else(Vec2::zeros, |grains| grains.particles.velocity[0]);
         (grain - water).dot(&Vec2::new(0.6, 0.8))
     };
@@ -212,18 +213,25 @@ fn slowed(drag: f64, density: f64, scheme: SchemeName) -> Result<Sample> {
             Condition { boundary: "around".into(), flow: open, scalars: vec![] },
         ];
         let grains = Dem::new(particles, vec![], vec![solid], weightless())?;
-        let mut system = system(&set, material(density * gas, gas, 1.0), grains, None, scheme)?;
+        let mut system = system(
+            &set,
+            box_around(Sides::all("around"))?,
+            material(density * gas, gas, 1.0),
+            grains,
+            None,
+            scheme,
+        )?;
         if let Some(droplet) = system.fluid_mut().and_then(|fluid| fluid.live_droplet()) {
             droplet.state.velocity = Vec2::new(0.6, 0.8) * (creep / dt.max(1.0));
         }
-        let before = droplet(&mut system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
+        let before = live(&mut system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
         let mut tally = Tally::default();
         tally.add(&system.step(dt)?);
-        let after = droplet(&mut system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
+        let after = live(&mut system).map_or_else(Vec2::zeros, |droplet| droplet.state.velocity);
         let factor = after.dot(&before) / before.norm_squared();
         Ok((
             Sample::new(Verdict::Passes, factor, 1.0, tally),
-            droplet(&mut system)
+            live(&mut system)
                 .map_or(f64::NAN, |d| -d.state.force.dot(&after) / after.norm_squared() / d.mass()),
         ))
     };
@@ -288,7 +296,7 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
         conductivity: CONDUCTIVITY,
         prandtl: CAPACITY * set.properties.viscosity / CONDUCTIVITY,
     };
-    let mut system = system(&set, of, grains, Some(thermal), scheme)?;
+    let mut system = system(&set, box_around(Sides::all("around"))?, of, grains, Some(thermal), scheme)?;
     let (mut tally, mut fastest, mut blown) = (Tally::default(), 0.0f64, 0.0f64);
     let (mut beyond, mut defect, mut penetration) = (0.0f64, 0.0f64, 0.0f64);
     for _ in 0..steps {
@@ -308,7 +316,7 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
         if let Some(grains) = system.grains() {
             grains.particles.heat.iter().for_each(|heat| look(&heat.temperature));
         }
-        let Some(droplet) = droplet(&mut system) else { break };
+        let Some(droplet) = live(&mut system) else { break };
         let state = &droplet.state;
         let around = 2.0 * std::f64::consts::PI * state.radius;
         blown = blown.max(state.vapour / around);

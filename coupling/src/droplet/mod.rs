@@ -73,6 +73,11 @@ pub struct DropletState<const D: usize> {
     pub centre: Vector<D>,
     /// Velocity U, m/s.
     pub velocity: Vector<D>,
+    /// How far it moved in the last part of a step, m.
+    pub way: Vector<D>,
+    /// Share of a step that this part was, or that the part in hand is: what is carried is given back in the time of
+    /// whole steps.
+    pub part: f64,
     /// Radius r, m.
     pub radius: f64,
     /// Liquid V_f, m2.
@@ -174,8 +179,11 @@ pub struct Droplet<const D: usize> {
     pub settled: Settled<D>,
     /// What it exchanged in the last step.
     pub exchanged: Exchanged<D>,
-    /// Rate of the loop of what is absorbed and boils in the next step, 1/s; times a step it must stay below some 3.
+    /// Rate at which heat that it takes in with grains brakes it, 1/s, as [`crate::scheme::cut::Cutting::absorption`]
+    /// has it: times a step it is the absorption number.
     pub absorption: f64,
+    /// Heat of the grains that it took in per way, in the last part of a step, J/m2.
+    pub(crate) taken_in: f64,
     surface: Surface<D>,
     /// How far each node of the mesh follows it, from 0 to 1.
     weight: Vec<f64>,
@@ -195,8 +203,6 @@ pub struct Droplet<const D: usize> {
     given: f64,
     /// Whether the gas has a temperature.
     hot: bool,
-    /// Share of a step that the part in hand is: what is carried is given back in the time of whole steps.
-    pub(crate) part: f64,
     /// Directions in which the boundary stops it in the step in hand, with the fastest that it may be there, m/s.
     stops: Vec<(Vector<D>, f64)>,
     /// Force by which each stops it, over what it is faster, kg/s/m.
@@ -234,6 +240,8 @@ impl Droplet<2> {
         let state = DropletState {
             centre,
             velocity,
+            way: Vector::zeros(),
+            part: 1.0,
             radius: found,
             liquid: std::f64::consts::PI * radius * radius,
             first: std::f64::consts::PI * radius * radius,
@@ -255,6 +263,7 @@ impl Droplet<2> {
             settled: Settled::default(),
             exchanged: Exchanged::nothing(),
             absorption: 0.0,
+            taken_in: 0.0,
             surface,
             weight: follow(mesh, boundary)?,
             growth,
@@ -266,7 +275,6 @@ impl Droplet<2> {
             arrives: 1.0,
             given: 0.0,
             hot: false,
-            part: 1.0,
             stops: Vec::new(),
             stiffness: 0.0,
             before: velocity,

@@ -106,7 +106,7 @@ impl<const D: usize> Droplet<D> {
             Blowing::Superficial => 1.0,
             Blowing::Interstitial => within / perimeter,
         };
-        let returned = RETURNED * self.part;
+        let returned = RETURNED * state.part;
         let shrinks = answer.vapour * material.vapour_density / material.water.density;
         let expansion = (swept - shrinks + returned * state.volume / dt) / opening;
         self.moving.clear();
@@ -212,17 +212,17 @@ impl<const D: usize> Droplet<D> {
         state.ledger.vapour += state.velocity * mass;
         (state.velocity, state.force) = (Vector::zeros(), Vector::zeros());
         (state.heat, state.vapour, state.gone) = (0.0, 0.0, true);
-        (self.settled, self.absorption) = (Settled::default(), 0.0);
+        (self.settled, self.absorption, self.taken_in) = (Settled::default(), 0.0, 0.0);
         self.exchanged = Exchanged::nothing();
     }
 
-    /// Rate a of the loop of what is absorbed and boils in the next step, 1/s: a = |F| (dQ/dU) / (Q m), with
-    /// `absorption` dQ/dU, W per m/s, the heat Q that boils and the force F of its vapour. A deviation of the
+    /// Rate a at which heat that it takes in brakes it, 1/s: the water boils by the heat E that it takes in per way, and
+    /// the force F of all vapour, which is of the heat Q, acts on its mass m: a = |F| E/(Q m). A deviation of the
     /// velocity is 1 - a dt times as large after a step, and grows in steps above 2/a.
-    pub(crate) fn absorption_rate(&self, absorption: f64) -> f64 {
+    pub(crate) fn absorption_rate(&self) -> f64 {
         let boils = self.answer.vapour * self.material.vapour_density * self.material.latent_heat;
-        match absorption > 0.0 && boils > 0.0 && self.state.liquid > 0.0 && !self.material.held {
-            true => self.answer.force.norm() * absorption / (boils * self.mass()),
+        match self.taken_in > 0.0 && boils > 0.0 && self.state.liquid > 0.0 && !self.material.held {
+            true => self.answer.force.norm() * self.taken_in / (boils * self.mass()),
             false => 0.0,
         }
     }
@@ -260,7 +260,7 @@ impl<const D: usize> Droplet<D> {
     /// Takes what the grains in it did in a step of `dt`.
     pub(crate) fn settle(&mut self, dt: f64, settle: impl FnOnce(&Stream<D>, &Vector<D>) -> Settled<D>) {
         self.settled = settle(&self.stream(), &self.before);
-        let kept = 1.0 - RETURNED * self.part;
+        let kept = 1.0 - RETURNED * self.state.part;
         self.state.impulse = self.state.impulse * kept + self.settled.missed * dt;
         self.state.warmth = self.state.warmth * kept + self.settled.missed_heat * dt;
     }
@@ -337,6 +337,7 @@ impl<const D: usize> Droplet<D> {
         state.volume += dt * (answer.through + answer.vapour * self.arrives - rate / density);
         state.boiled += boils;
         state.liquid -= boils;
+        state.way = answer.velocity * dt;
         self.boils = boils;
         (state.velocity, state.force, state.heat, state.vapour) =
             (answer.velocity, answer.force, answer.heat, answer.vapour);

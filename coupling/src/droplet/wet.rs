@@ -30,6 +30,9 @@ const WHOLE: f64 = 1.0 - 1e-12;
 /// Least voidage of the water for its laws.
 const LEAST_VOIDAGE: f64 = 0.05;
 
+/// Shortest way of a droplet over which its heat is compared, in diameters of the smallest grain.
+const LEAST_WAY: f64 = 1e-3;
+
 /// The water as grains feel it.
 #[derive(Clone, Copy, Debug)]
 pub struct Water {
@@ -404,30 +407,32 @@ impl<const D: usize> Wet<D> {
         Load { force, drag, heat, transfer, ..Load::default() }
     }
 
-    /// How much faster heat would come in with the grains that the surface passes if the droplet were faster, W per
-    /// m/s: |sum of chord rho c (T - T_d) n| over the chords that it moves over, with the mean velocities of the
-    /// grains, m/s.
-    pub fn absorption(
+    /// Heat that the grains give to the water within the next `dt` (s) because the droplet has come by a way (m), per
+    /// way, J/m2: dt [Q(x) - Q(x - way)]/|way|, with the temperatures that they now have and Q the sum of
+    /// hA_w/(1 + hA_w dt/(m c)) (T - T_d).
+    pub fn taken_in(
         &self,
         particles: &Particles<D>,
-        velocity: &[Vector<D>],
         surface: &Surface<D>,
-        stream: &Stream<D>,
+        (centre, size): (&Vector<D>, f64),
+        (way, temperature, dt): (&Vector<D>, f64, f64),
     ) -> f64 {
-        let Some(heat) = &particles.heat else { return 0.0 };
-        let mut sum = Vector::<D>::zeros();
-        for wet in self.grains.iter().filter(|wet| !wet.chords.is_empty()) {
+        let length = way.norm();
+        let (Some(heat), true) = (&particles.heat, length > 0.0) else { return 0.0 };
+        // So far that the difference stands out from rounding.
+        let far = length.max(LEAST_WAY * self.smallest());
+        let back = way * (far / length);
+        let more = |wet: &WetGrain<D>| {
             let i = wet.grain as usize;
-            let area = std::f64::consts::PI * wet.radius * wet.radius;
-            let warmth = heat.capacity[i] / area * (heat.temperature[i] - stream.temperature);
-            for chord in &wet.chords {
-                let normal = surface.normal(chord.facet);
-                if (stream.velocity - velocity[i]).dot(&normal) < 0.0 {
-                    sum += normal * (warmth * chord.length);
-                }
-            }
-        }
-        sum.norm()
+            let whole = std::f64::consts::PI * wet.radius * wet.radius;
+            let within = surface.cut(size, &(particles.position[i] - centre + back), wet.radius);
+            let before = within.map_or(0.0, |within| within.area / whole) / wet.share;
+            let given = |transfer: f64| transfer / (1.0 + transfer * dt / heat.capacity[i]);
+            (given(wet.transfer) - given(wet.transfer * before)) * (heat.temperature[i] - temperature)
+        };
+        // Collected, so that the sum is the same for any number of threads.
+        let all: Vec<f64> = self.grains.par_iter().map(more).collect();
+        all.iter().sum::<f64>().max(0.0) * dt / far
     }
 
     /// Diameter of the smallest grain in the water, m; infinite without one.

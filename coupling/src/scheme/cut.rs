@@ -3,7 +3,8 @@
 //! A step in which a grain or a droplet moves far, or that ends in disagreement of grains and fluid, is put back and
 //! done in halves, these in halves of their own, until a part is good, which is accepted. The next part is twice as
 //! long again where that is not known to be too far and the whole step stays a multiple of it. The mesh moves with the
-//! parts. What the grains, the walls and the boundary get in the step are the means over its parts.
+//! parts. What the grains, the walls and the boundary get in the step are the means over its parts. With a droplet no
+//! part is more than twice as long as the one before, also across steps: what it took in over that one boils in this.
 //!
 //! Where a droplet moves so far that a cell of the mesh would turn over, the domain is remeshed first.
 
@@ -22,9 +23,9 @@ pub struct Cutting {
     /// How far a grain may move in a part of a step, in its diameters. On the whole way the fluid acts on it as at the
     /// place where it was at the start of the part. Above 0. Default 0.25.
     pub travel: f64,
-    /// With a droplet: how large x = dt |F| (dQ/dU) / (Q m) may become in a part of a step, where dQ/dU is the heat of
-    /// the grains that a faster droplet would take in, Q what boils and F the force of the vapour on its mass m. Heat
-    /// that is taken in boils water in the next step. This makes 1 - x times as much of a deviation of the velocity,
+    /// With a droplet: how large a dt may become in a part of a step dt, where a = |F| E/(Q m) with the heat E that the
+    /// droplet took in with grains per way, the heat Q that boils, and the force F of the gas on its mass m. Heat that
+    /// is taken in boils water in the next step. This makes 1 - a dt times as much of a deviation of the velocity,
     /// which grows above 2. Above 0. Default 1.
     pub absorption: f64,
 }
@@ -148,7 +149,10 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
         let (most, travel, absorption) = self
             .cutting
             .map_or((1, f64::INFINITY, f64::INFINITY), |cut| (1 << HALVINGS, cut.travel, cut.absorption));
-        let (mut done, mut length, mut spent) = (0, most, 0);
+        // What a droplet took in with grains in a part boils in the next, which is at most twice as long.
+        let after = |part: f64| ((2.0 * part * f64::from(most)) as u32).clamp(1, most);
+        let first = mixture.fluid.live_droplet().map_or(most, |droplet| after(droplet.state.part));
+        let (mut done, mut length, mut spent) = (0, first, 0);
         let (mut sum, mut mean, mut grains) = (None::<Agreement>, None::<Mean<D>>, None);
         let mut renewed = false;
         while done < most {
@@ -156,7 +160,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             let droplet = mixture.fluid.live_droplet();
             let moves_mesh = droplet.is_some();
             if let Some(droplet) = droplet {
-                droplet.part = part.dt / dt;
+                droplet.state.part = part.dt / dt;
             }
             if length < most {
                 mixture.move_mesh(|motion, time, points| motion.advance(time, part.dt, points));
@@ -224,8 +228,8 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             }
             done += length;
             // As long again as the parts that are left allow, unless that is known to be too far.
-            let mut next = 2.0 * used;
-            while length < most && done % (2 * length) == 0 && next <= 1.0 {
+            let (mut next, longest) = (2.0 * used, if moves_mesh { after(part.dt / dt) } else { most });
+            while length < longest && done % (2 * length) == 0 && next <= 1.0 {
                 (length, next) = (2 * length, 2.0 * next);
             }
         }
