@@ -51,13 +51,10 @@ fn the_absorption_number_counts_grains_before_the_water_cools_them() {
     let whole = of([1.0, 100.0]);
     let (_, _, share) = whole.curves[0];
     assert!((0.7..1.1).contains(&share), "{whole:?}");
-    let (thrown, divided) = (of([10.0, 100.0]), of([10.0, 1.0]));
-    assert_eq!(
-        (thrown.verdict, divided.verdict),
-        (Verdict::Unstable, Verdict::Passes),
-        "{thrown:?} {divided:?}"
-    );
-    assert!(divided.tally.solves > 10 * divided.tally.steps, "{divided:?}");
+    let (thrown, divided) = (of([3.0, 100.0]), of([3.0, 1.0]));
+    let verdicts = (thrown.verdict, divided.verdict);
+    assert_eq!(verdicts, (Verdict::Unstable, Verdict::Passes), "{thrown:?} {divided:?}");
+    assert!(divided.tally.solves >= 4 * divided.tally.steps, "{divided:?}");
 }
 
 /// A bed in water counted as held by its floor until it had left it, and bounced higher from step to step instead of

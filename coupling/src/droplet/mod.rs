@@ -78,6 +78,8 @@ pub struct DropletState<const D: usize> {
     /// Share of a step that this part was, or that the part in hand is: what is carried is given back in the time of
     /// whole steps.
     pub part: f64,
+    /// Share of the next step that its first part is to be.
+    pub next: f64,
     /// Radius r, m.
     pub radius: f64,
     /// Liquid V_f, m2.
@@ -242,6 +244,7 @@ impl Droplet<2> {
             velocity,
             way: Vector::zeros(),
             part: 1.0,
+            next: 1.0,
             radius: found,
             liquid: std::f64::consts::PI * radius * radius,
             first: std::f64::consts::PI * radius * radius,

@@ -216,13 +216,16 @@ impl<const D: usize> Droplet<D> {
         self.exchanged = Exchanged::nothing();
     }
 
-    /// Rate a at which heat that it takes in brakes it, 1/s: the water boils by the heat E that it takes in per way, and
-    /// the force F of all vapour, which is of the heat Q, acts on its mass m: a = |F| E/(Q m). A deviation of the
-    /// velocity is 1 - a dt times as large after a step, and grows in steps above 2/a.
+    /// Rate at which heat that it takes in brakes it, 1/s: E (-F . s)/(L mdot m) with the heat E that it has taken in per
+    /// way, the direction s of the way, the force F of the gas, which the vapour mdot makes, and its mass m. Times a step
+    /// it is the absorption number x: a deviation of the velocity is 1 - x times as large after the step.
     pub(crate) fn absorption_rate(&self) -> f64 {
         let boils = self.answer.vapour * self.material.vapour_density * self.material.latent_heat;
         match self.taken_in > 0.0 && boils > 0.0 && self.state.liquid > 0.0 && !self.material.held {
-            true => self.answer.force.norm() * self.taken_in / (boils * self.mass()),
+            true => {
+                (-self.answer.force.dot(&self.state.way.normalize())).max(0.0) * self.taken_in
+                    / (boils * self.mass())
+            }
             false => 0.0,
         }
     }

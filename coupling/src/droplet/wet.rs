@@ -407,8 +407,8 @@ impl<const D: usize> Wet<D> {
         Load { force, drag, heat, transfer, ..Load::default() }
     }
 
-    /// Heat that the grains give to the water within the next `dt` (s) because the droplet has come by a way (m), per
-    /// way, J/m2: dt [Q(x) - Q(x - way)]/|way|, with the temperatures that they now have and Q the sum of
+    /// Heat that the grains in the water give to it within the next `dt` (s) because the droplet has come by a way (m),
+    /// per way, J/m2: dt [Q(x) - Q(x - way)]/|way|, with the temperatures that they now have and Q the sum over them of
     /// hA_w/(1 + hA_w dt/(m c)) (T - T_d).
     pub fn taken_in(
         &self,

@@ -4,7 +4,7 @@
 //! done in halves, these in halves of their own, until a part is good, which is accepted. The next part is twice as
 //! long again where that is not known to be too far and the whole step stays a multiple of it. The mesh moves with the
 //! parts. What the grains, the walls and the boundary get in the step are the means over its parts. With a droplet no
-//! part is more than twice as long as the one before, also across steps: what it took in over that one boils in this.
+//! part is more than twice as long as the one before, also across steps.
 //!
 //! Where a droplet moves so far that a cell of the mesh would turn over, the domain is remeshed first.
 
@@ -23,10 +23,9 @@ pub struct Cutting {
     /// How far a grain may move in a part of a step, in its diameters. On the whole way the fluid acts on it as at the
     /// place where it was at the start of the part. Above 0. Default 0.25.
     pub travel: f64,
-    /// With a droplet: how large a dt may become in a part of a step dt, where a = |F| E/(Q m) with the heat E that the
-    /// droplet took in with grains per way, the heat Q that boils, and the force F of the gas on its mass m. Heat that
-    /// is taken in boils water in the next step. This makes 1 - a dt times as much of a deviation of the velocity,
-    /// which grows above 2. Above 0. Default 1.
+    /// With a droplet: how large the absorption number x may become in a part of a step. Heat that is taken in with
+    /// grains boils water in the next part. This makes 1 - x times as much of a deviation of the velocity, which grows
+    /// above 2. Above 0. Default 1.
     pub absorption: f64,
 }
 
@@ -149,9 +148,10 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
         let (most, travel, absorption) = self
             .cutting
             .map_or((1, f64::INFINITY, f64::INFINITY), |cut| (1 << HALVINGS, cut.travel, cut.absorption));
-        // What a droplet took in with grains in a part boils in the next, which is at most twice as long.
-        let after = |part: f64| ((2.0 * part * f64::from(most)) as u32).clamp(1, most);
-        let first = mixture.fluid.live_droplet().map_or(most, |droplet| after(droplet.state.part));
+        let first = mixture
+            .fluid
+            .live_droplet()
+            .map_or(most, |droplet| ((droplet.state.next * f64::from(most)) as u32).clamp(1, most));
         let (mut done, mut length, mut spent) = (0, first, 0);
         let (mut sum, mut mean, mut grains) = (None::<Agreement>, None::<Mean<D>>, None);
         let mut renewed = false;
@@ -227,11 +227,17 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
                 mean.add_droplet(mixture, f64::from(length) / f64::from(most));
             }
             done += length;
-            // As long again as the parts that are left allow, unless that is known to be too far.
-            let (mut next, longest) = (2.0 * used, if moves_mesh { after(part.dt / dt) } else { most });
+            // As long again as the parts that are left allow, unless that is known to be too far. A droplet boils over
+            // the next part what it took in over this one, and is thrown if that has another length: so no part is more
+            // than twice as long as the one before, nor as that takes more than half of what absorption allows.
+            let mut next = 2.0 * used.max(2.0 * absorbed / absorption);
+            let longest = if moves_mesh { (2 * length).min(most) } else { most };
             while length < longest && done % (2 * length) == 0 && next <= 1.0 {
                 (length, next) = (2 * length, 2.0 * next);
             }
+        }
+        if let Some(droplet) = mixture.fluid.live_droplet() {
+            droplet.state.next = f64::from(length) / f64::from(most);
         }
         if let Some(mean) = mean {
             mean.put(mixture);
