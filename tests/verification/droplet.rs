@@ -273,7 +273,7 @@ fn a_droplet_goes_on_from_its_checkpoint_bit_for_bit_before_and_across_a_remeshi
 fn a_droplet_in_steps_in_parts_goes_on_bit_for_bit() {
     let run = goes_on_as_if_nothing_had_been(&scene(&["coupling.cut={travel=1e3,absorption=1e-7}"]), 16, 3);
     let fluid = run.coupled().fluid().expect("a fluid");
-    assert!(fluid.droplet.as_ref().is_some_and(|droplet| droplet.state.part < 1.0), "no step was in parts");
+    assert!(fluid.droplet.as_ref().is_some_and(|droplet| droplet.state.next < 1.0), "no step was in parts");
 }
 
 #[test]

@@ -37,20 +37,20 @@ const GAS: f64 = 1e-3;
 const VISCOSITY: f64 = 1e-6;
 const BOILING: f64 = 373.15;
 const HOT: f64 = 773.15;
-/// Conductivity of the water, W/m/K: grains in it give off all but a thousandth of their heat within a step. That of
-/// the gas, which is to give no heat.
+/// Conductivity of the water, W/m/K: grains in it give off nearly all of their heat within a step. That of the gas, which
+/// is to give no heat.
 const CONDUCTS: f64 = 100.0;
 const INSULATES: f64 = 1e-9;
 /// Steps, and how many of them, at the end, the absorption number of the program is a mean over.
 const STEPS: usize = 14;
 const MEAN: usize = 7;
-/// Multiple of its steady velocity at which a droplet runs away; one that rises does so too. Share of this velocity by
-/// which that in the last steps may differ from their mean.
+/// Multiple of its steady velocity at which a droplet runs away; one that rises does so too. Share by which the
+/// velocities in the last steps may differ from their mean.
 const RUNAWAY: f64 = 2.0;
 const SWING: f64 = 0.6;
 /// Share by which the absorption number of the program may be off: it is that of the last part of a step, in which few
 /// grains are taken in.
-const NUMBER: f64 = 0.5;
+const NUMBER: f64 = 0.4;
 
 /// The axis of this file.
 pub const AXES: &[Axis] = &[Axis {

@@ -75,9 +75,6 @@ pub struct DropletState<const D: usize> {
     pub velocity: Vector<D>,
     /// How far it moved in the last part of a step, m.
     pub way: Vector<D>,
-    /// Share of a step that this part was, or that the part in hand is: what is carried is given back in the time of
-    /// whole steps.
-    pub part: f64,
     /// Share of the next step that its first part is to be.
     pub next: f64,
     /// Radius r, m.
@@ -205,6 +202,8 @@ pub struct Droplet<const D: usize> {
     given: f64,
     /// Whether the gas has a temperature.
     hot: bool,
+    /// Share of a step that the part in hand is: what is carried is given back in the time of whole steps.
+    pub(crate) part: f64,
     /// Directions in which the boundary stops it in the step in hand, with the fastest that it may be there, m/s.
     stops: Vec<(Vector<D>, f64)>,
     /// Force by which each stops it, over what it is faster, kg/s/m.
@@ -243,7 +242,6 @@ impl Droplet<2> {
             centre,
             velocity,
             way: Vector::zeros(),
-            part: 1.0,
             next: 1.0,
             radius: found,
             liquid: std::f64::consts::PI * radius * radius,
@@ -278,6 +276,7 @@ impl Droplet<2> {
             arrives: 1.0,
             given: 0.0,
             hot: false,
+            part: 1.0,
             stops: Vec::new(),
             stiffness: 0.0,
             before: velocity,

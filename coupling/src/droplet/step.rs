@@ -106,7 +106,7 @@ impl<const D: usize> Droplet<D> {
             Blowing::Superficial => 1.0,
             Blowing::Interstitial => within / perimeter,
         };
-        let returned = RETURNED * state.part;
+        let returned = RETURNED * self.part;
         let shrinks = answer.vapour * material.vapour_density / material.water.density;
         let expansion = (swept - shrinks + returned * state.volume / dt) / opening;
         self.moving.clear();
@@ -220,14 +220,13 @@ impl<const D: usize> Droplet<D> {
     /// way, the direction s of the way, the force F of the gas, which the vapour mdot makes, and its mass m. Times a step
     /// it is the absorption number x: a deviation of the velocity is 1 - x times as large after the step.
     pub(crate) fn absorption_rate(&self) -> f64 {
-        let boils = self.answer.vapour * self.material.vapour_density * self.material.latent_heat;
-        match self.taken_in > 0.0 && boils > 0.0 && self.state.liquid > 0.0 && !self.material.held {
-            true => {
-                (-self.answer.force.dot(&self.state.way.normalize())).max(0.0) * self.taken_in
-                    / (boils * self.mass())
-            }
-            false => 0.0,
+        let Self { answer, material, state, taken_in, .. } = self;
+        let boils = answer.vapour * material.vapour_density * material.latent_heat;
+        if material.held || *taken_in <= 0.0 || boils <= 0.0 || state.liquid <= 0.0 {
+            return 0.0;
         }
+        let brakes = -answer.force.dot(&state.way.normalize());
+        brakes.max(0.0) * taken_in / (boils * self.mass())
     }
 
     /// How far it moves in a step of `dt` (s) by the last solution, m.
@@ -263,7 +262,7 @@ impl<const D: usize> Droplet<D> {
     /// Takes what the grains in it did in a step of `dt`.
     pub(crate) fn settle(&mut self, dt: f64, settle: impl FnOnce(&Stream<D>, &Vector<D>) -> Settled<D>) {
         self.settled = settle(&self.stream(), &self.before);
-        let kept = 1.0 - RETURNED * self.state.part;
+        let kept = 1.0 - RETURNED * self.part;
         self.state.impulse = self.state.impulse * kept + self.settled.missed * dt;
         self.state.warmth = self.state.warmth * kept + self.settled.missed_heat * dt;
     }

@@ -23,8 +23,8 @@ pub struct Cutting {
     /// How far a grain may move in a part of a step, in its diameters. On the whole way the fluid acts on it as at the
     /// place where it was at the start of the part. Above 0. Default 0.25.
     pub travel: f64,
-    /// With a droplet: how large the absorption number x may become in a part of a step. Heat that is taken in with
-    /// grains boils water in the next part. This makes 1 - x times as much of a deviation of the velocity, which grows
+    /// With a droplet: how large the absorption number x (column `droplet_absorption_number`) may become in a part of a
+    /// step. Heat that is taken in with grains boils water in the next part. This makes 1 - x times as much of a deviation of the velocity, which grows
     /// above 2. Above 0. Default 1.
     pub absorption: f64,
 }
@@ -160,7 +160,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             let droplet = mixture.fluid.live_droplet();
             let moves_mesh = droplet.is_some();
             if let Some(droplet) = droplet {
-                droplet.state.part = part.dt / dt;
+                droplet.part = part.dt / dt;
             }
             if length < most {
                 mixture.move_mesh(|motion, time, points| motion.advance(time, part.dt, points));
