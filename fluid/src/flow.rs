@@ -8,7 +8,7 @@ use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
 use crate::mesh::Periodic;
-use crate::points::{CellExchange, Points, PointsByCell, solid_flux};
+use crate::points::{CellExchange, PointDensity, Points, PointsByCell, ScalarDensity};
 use crate::transport::{self, CellScalar, Form, Scalar};
 use crate::{Error, Mesh, Result, Vector, boundary};
 use serde::{Deserialize, Serialize};
@@ -100,6 +100,8 @@ struct Equation {
     /// The condition that prescribes the value of each node.
     holder: Vec<u32>,
     kept: KeptRows<1>,
+    /// The points of the step in hand as nodal fields, where the form has them in its residual.
+    density: Vec<ScalarDensity>,
 }
 
 /// The solver on one mesh; `B` is `D + 1`.
@@ -120,7 +122,8 @@ pub struct Flow<const D: usize, const B: usize> {
     owners: Owners<D>,
     kept: KeptRows<B>,
     sorted: PointsByCell,
-    solid_flux: Vec<Vector<D>>,
+    /// The points of the step in hand as nodal fields; empty without points.
+    density: Vec<PointDensity<D>>,
     bodies: Bodies<D>,
     unknown: Vec<f64>,
 }
@@ -151,12 +154,13 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             solver: Solver::new(pattern.clone(), &mesh.points, numerics.scalars),
             holder: Vec::new(),
             kept: KeptRows::default(),
+            density: Vec::new(),
         };
         Ok(Self {
             system: System::new(pattern.clone()),
             solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow),
             scalars: scalars.iter().map(equation).collect(),
-            solid_flux: Vec::new(),
+            density: Vec::new(),
             bodies: Bodies::default(),
             kept: KeptRows::default(),
             owners: Owners::default(),
@@ -270,11 +274,9 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             });
             given
         });
-        self.solid_flux.clear();
-        if let Some(points) = points {
-            self.solid_flux.resize(self.state.velocity.len(), Vector::zeros());
-            solid_flux(points, &self.geometry, &self.state, &mut self.solid_flux);
-            self.geometry.mesh.periodic.mirror(&mut self.solid_flux);
+        match points {
+            Some(points) => PointDensity::fill(&mut self.density, points, &self.geometry, &self.state),
+            None => self.density.clear(),
         }
         for iteration in 0..self.newton {
             self.newton_step(iteration, dt, voidage, points, conditions, &mut report)?;
@@ -319,12 +321,16 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         conditions: &[Condition<D>],
         report: &mut Report,
     ) -> Result<()> {
-        let Equation { scalar, system, solver, holder, kept } = &mut self.scalars[k];
+        let Equation { scalar, system, solver, holder, kept, density } = &mut self.scalars[k];
         let (old, next) = (&self.state.scalars[k], &mut self.next.scalars[k]);
         let (geometry, sorted, state) = (&self.geometry, &self.sorted, &self.state);
         let wind = |node: usize| state.velocity[node] - geometry.velocity_of(node);
         let sources = self.sources.as_ref();
         let columns = points.and_then(|points| Some((points, points.scalars.get(k)?.as_ref()?)));
+        density.clear();
+        if let (Form::Lumped, Some((points, columns))) = (scalar.form, columns) {
+            ScalarDensity::fill(density, points, columns, geometry);
+        }
         self.assembler.assemble(system, |cell, out| {
             let node = geometry.nodes(cell);
             let cell = transport::Cell {
@@ -334,6 +340,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 old: node.map(|n| old[n]),
                 exchange: columns
                     .and_then(|(points, columns)| CellScalar::gather(points, columns, sorted, cell)),
+                density: (!density.is_empty()).then(|| node.map(|n| density[n])),
                 source: sources.map(|s| node.map(|n| s.scalars[k][n])),
             };
             transport::assemble(&cell, scalar, dt, out);
@@ -426,7 +433,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         let old = &self.state.velocity;
         let at = if iteration == 0 { old } else { &self.next.velocity };
         let (scalars, values) = (&self.scalars, &self.next.scalars);
-        let (sources, flux) = (self.sources.as_ref(), &self.solid_flux);
+        let (sources, density) = (self.sources.as_ref(), &self.density);
         self.assembler.assemble(&mut self.system, |k, out| {
             let node = geometry.nodes(k);
             let element = geometry.elements[k];
@@ -435,10 +442,6 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
             let immersed = points.and_then(|points| CellExchange::gather(points, sorted, k));
-            let solid_divergence = match flux.is_empty() {
-                true => 0.0,
-                false => (0..B).map(|a| flux[node[a]].dot(&element.gradient[a])).sum(),
-            };
             let mut lightness = [1.0; B];
             for (Equation { scalar, .. }, value) in scalars.iter().zip(values) {
                 for (light, n) in lightness.iter_mut().zip(node) {
@@ -457,10 +460,11 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 at: node.map(|n| at[n]),
                 wind: over_mesh(at),
                 direction: over_mesh(old).iter().sum::<Vector<D>>() / B as f64,
+                lightness,
                 weight: weigh(&lightness),
                 pushed,
-                solid_divergence,
                 exchange: immersed.as_ref(),
+                density: points.map(|_| node.map(|n| density[n])),
                 source: sources.map(|s| (node.map(|n| s.momentum[n]), node.map(|n| s.mass[n]))),
                 mass,
                 load,

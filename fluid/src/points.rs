@@ -4,6 +4,10 @@
 //! of the velocity that it will have, `v* = b + a (gamma u - V grad p)`, with u and grad p at its place. A scalar s of
 //! the fluid that it exchanges has a coefficient h and the law `s* = c + a h s`. The fluid knows no more: which points
 //! make up a body, and why its law is as it is, is the business of the caller.
+//!
+//! The Galerkin terms are sums over the points ([`CellExchange`]). The residuals inside the stabilisation take the points
+//! as fields instead ([`PointDensity`]): nodal momentum makes the nodal means of the residual vanish, but not the residual
+//! of a cell where points differ from cell to cell, and what is left would drive a flow in the equation of mass.
 
 use crate::Vector;
 use crate::flow::State;
@@ -109,8 +113,8 @@ impl PointsByCell {
 /// Sums over the points in one cell of all that momentum and mass need, with the shape functions phi at the points.
 #[derive(Clone, Debug)]
 pub struct CellExchange<const D: usize, const B: usize> {
-    /// sum gamma (1 - a gamma) phi_a phi_b.
-    pub drag: [[f64; B]; B],
+    /// sum gamma (1 - a gamma) phi_a: the drag that the law leaves, summed on the diagonal.
+    pub drag: [f64; B],
     /// sum V (a gamma - 1) phi_a.
     pub pressure: [f64; B],
     /// sum V a gamma phi_b, a of the equation of mass.
@@ -123,7 +127,6 @@ pub struct CellExchange<const D: usize, const B: usize> {
     pub volume_flux: Vector<D>,
     /// sum V phi_a phi_b.
     pub solid: [[f64; B]; B],
-    total_drag: f64,
 }
 
 impl<const D: usize, const B: usize> CellExchange<D, B> {
@@ -132,65 +135,147 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
         let mut inside = sorted.of(cell).peekable();
         inside.peek()?;
         let mut sum = Self {
-            drag: [[0.0; B]; B],
+            drag: [0.0; B],
             pressure: [0.0; B],
             carried: [0.0; B],
             diffusion: 0.0,
             force: [Vector::zeros(); B],
             volume_flux: Vector::zeros(),
             solid: [[0.0; B]; B],
-            total_drag: 0.0,
         };
         for q in inside {
             let phi = points.shape::<B>(q);
             let (volume, gamma, mobility) = (points.volume[q], points.drag[q], points.mobility[q]);
             let carried = volume * points.flux_mobility[q];
-            let slip = gamma * (1.0 - mobility * gamma);
-            sum.total_drag += gamma;
+            let left = 1.0 - mobility * gamma;
             sum.diffusion += volume * carried;
             sum.volume_flux += points.flux_velocity[q] * volume;
             for a in 0..B {
-                sum.pressure[a] += volume * (mobility * gamma - 1.0) * phi[a];
+                sum.drag[a] += gamma * left * phi[a];
+                sum.pressure[a] -= volume * left * phi[a];
                 sum.carried[a] += carried * gamma * phi[a];
                 sum.force[a] += points.velocity[q] * (gamma * phi[a]);
                 for b in 0..B {
-                    sum.drag[a][b] += slip * phi[a] * phi[b];
                     sum.solid[a][b] += volume * phi[a] * phi[b];
                 }
             }
         }
         Some(sum)
     }
+}
 
-    /// sum gamma, kg/s.
-    pub fn total_drag(&self) -> f64 {
-        self.total_drag
+/// What points do to momentum and mass per volume, as P1 fields: at node a the sum over the points with phi_a, over
+/// int phi_a.
+#[derive(Clone, Copy, Debug)]
+pub struct PointDensity<const D: usize> {
+    /// V: the solid fraction, not clipped.
+    pub volume: f64,
+    /// V (1 - a gamma): the solid on which the law leaves the pressure gradient.
+    pub left_volume: f64,
+    /// gamma, kg/m3/s.
+    pub drag: f64,
+    /// gamma (1 - a gamma): the drag that the law leaves, kg/m3/s.
+    pub left_drag: f64,
+    /// gamma b, N/m3.
+    pub force: Vector<D>,
+    /// Solid flux phi v* with the law of the equation of mass at the last accepted state (A.15), m/s.
+    pub flux: Vector<D>,
+}
+
+impl<const D: usize> PointDensity<D> {
+    /// Fills the fields, one value a node.
+    pub(crate) fn fill<const B: usize>(
+        fields: &mut Vec<Self>,
+        points: &Points<D>,
+        geometry: &Geometry<D, B>,
+        state: &State<D>,
+    ) {
+        let none = Vector::zeros();
+        let zero = Self { volume: 0.0, left_volume: 0.0, drag: 0.0, left_drag: 0.0, force: none, flux: none };
+        let at = |q: usize, phi: &[f64; B]| {
+            let (cell, volume, drag) = (points.cell[q] as usize, points.volume[q], points.drag[q]);
+            let (mut velocity, mut slope) = (Vector::<D>::zeros(), Vector::<D>::zeros());
+            for (a, node) in geometry.nodes(cell).into_iter().enumerate() {
+                velocity += state.velocity[node] * phi[a];
+                slope += geometry.elements[cell].gradient[a] * state.pressure[node];
+            }
+            let forcing = velocity * drag - slope * volume;
+            let left = 1.0 - points.mobility[q] * drag;
+            Self {
+                volume,
+                left_volume: volume * left,
+                drag,
+                left_drag: drag * left,
+                force: points.velocity[q] * drag,
+                flux: (points.flux_velocity[q] + forcing * points.flux_mobility[q]) * volume,
+            }
+        };
+        project(fields, zero, points, geometry, at, |sum, value, share| {
+            sum.volume += value.volume * share;
+            sum.left_volume += value.left_volume * share;
+            sum.drag += value.drag * share;
+            sum.left_drag += value.left_drag * share;
+            sum.force += value.force * share;
+            sum.flux += value.flux * share;
+        });
     }
 }
 
-/// Nodal projection (A.15) of the solid flux phi v*, with the law of the equation of mass in a state of the fluid, m/s;
-/// added to `flux`, of nodes that are one at their master.
-pub(crate) fn solid_flux<const D: usize, const B: usize>(
+/// What points do to a scalar per volume, as [`PointDensity`].
+#[derive(Clone, Copy, Debug)]
+pub struct ScalarDensity {
+    /// h, W/m3/K for heat.
+    pub exchange: f64,
+    /// h (1 - a h): the exchange that the law leaves, W/m3/K for heat.
+    pub left: f64,
+    /// h c, W/m3 for heat.
+    pub given: f64,
+}
+
+impl ScalarDensity {
+    /// Fills the fields, one value a node.
+    pub(crate) fn fill<const D: usize, const B: usize>(
+        fields: &mut Vec<Self>,
+        points: &Points<D>,
+        columns: &PointScalar,
+        geometry: &Geometry<D, B>,
+    ) {
+        let zero = Self { exchange: 0.0, left: 0.0, given: 0.0 };
+        let at = |q: usize, _: &[f64; B]| {
+            let exchange = columns.coefficient[q];
+            let left = exchange * (1.0 - columns.mobility[q] * exchange);
+            Self { exchange, left, given: exchange * columns.value[q] }
+        };
+        project(fields, zero, points, geometry, at, |sum, value, share| {
+            sum.exchange += value.exchange * share;
+            sum.left += value.left * share;
+            sum.given += value.given * share;
+        });
+    }
+}
+
+/// Lumped projection of what `at(point, phi)` says of each point: `add(sum, value, phi_a / int phi_a)` at the nodes of
+/// its cell, point after point. Nodes that are one have one sum.
+fn project<const D: usize, const B: usize, T: Copy>(
+    fields: &mut Vec<T>,
+    zero: T,
     points: &Points<D>,
     geometry: &Geometry<D, B>,
-    state: &State<D>,
-    flux: &mut [Vector<D>],
+    at: impl Fn(usize, &[f64; B]) -> T,
+    add: impl Fn(&mut T, &T, f64),
 ) {
+    fields.clear();
+    fields.resize(geometry.nodal_volume.len(), zero);
+    let periodic = &geometry.mesh.periodic;
     for q in 0..points.len() {
-        let (phi, cell) = (points.shape::<B>(q), points.cell[q] as usize);
-        let nodes = geometry.nodes(cell);
-        let (mut velocity, mut slope) = (Vector::<D>::zeros(), Vector::<D>::zeros());
-        for (a, &node) in nodes.iter().enumerate() {
-            velocity += state.velocity[node] * phi[a];
-            slope += geometry.elements[cell].gradient[a] * state.pressure[node];
-        }
-        let push = velocity * points.drag[q] - slope * points.volume[q];
-        let moved = (points.flux_velocity[q] + push * points.flux_mobility[q]) * points.volume[q];
-        for (a, &node) in nodes.iter().enumerate() {
-            let master = geometry.mesh.periodic.master(node as u32) as usize;
-            flux[master] += moved * (phi[a] / geometry.nodal_volume[master]);
+        let phi = points.shape::<B>(q);
+        let value = at(q, &phi);
+        for (a, node) in geometry.nodes(points.cell[q] as usize).into_iter().enumerate() {
+            let master = periodic.master(node as u32) as usize;
+            add(&mut fields[master], &value, phi[a] / geometry.nodal_volume[master]);
         }
     }
+    periodic.mirror(fields);
 }
 
 #[cfg(test)]

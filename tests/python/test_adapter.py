@@ -50,7 +50,6 @@ SETUP = {
         "gravity": [0, -10],
         "body_force": [3, 0],
         "thin_cell_drag": 0.5,
-        "drag_in_stabilisation": True,
     },
     "scalars": [WARM, TRACER],
     "numerics": {"newton": 2, "flow": {"tolerance": 1e-9}, "scalars": {}},
@@ -101,7 +100,7 @@ def test_a_problem_is_what_the_setup_says(driver):
     assert tracer.name == "tracer" and tracer.wall_coefficient == 0
     assert [values[0] for values in problem.fields.scalars] == [300, 0]
     assert (problem.newton, problem.tolerance, problem.thin_cell_drag) == (2, 1e-9, 0.5)
-    assert problem.gravity.tolist() == [0, -10] and problem.drag_in_stabilisation
+    assert problem.gravity.tolist() == [0, -10]
     assert set(problem.boundaries) == {"x0", "x1", "y0", "y1"}
 
 

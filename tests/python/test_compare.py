@@ -67,7 +67,6 @@ def test_solvers_agree_to_round_off(program, tmp_path, scene, at):
     [
         "fluid.heat.form=lumped",
         "fluid.heat.form=monotone",
-        "fluid.solver.drag_in_stabilisation=true",
     ],
 )
 def test_other_forms_of_the_equations_are_the_same_in_all_solvers(program, tmp_path, change):

@@ -327,7 +327,6 @@ fn the_pressure_drop_does_not_depend_on_the_mobility_of_the_solid_flux() {
             .flow("right", FlowCondition::Slip)
             .flow("bottom", FlowCondition::SuperficialVelocity(Prescribed::Uniform(inflow)))
             .flow("top", OPEN);
-        set.properties.drag_in_stabilisation = true;
         let mesh = grid([0.02, 0.04], [8, 16]).unwrap();
         let start = set.rest(&mesh, 0.0);
         let places =

@@ -104,7 +104,6 @@ fn sinking(
     let mut particles = alike(places, radius, &solid)?.heated(HOT, std::slice::from_ref(&solid))?;
     particles.mass.fill(f64::INFINITY);
     let mut set = FluidSet::new(GAS, VISCOSITY * number);
-    set.properties.drag_in_stabilisation = true;
     set.scalars = vec![Scalar { form: Form::Monotone, ..Scalar::new(TEMPERATURE, GAS, INSULATES) }];
     let of = |boundary: &str, flow, heat| Condition { boundary: boundary.into(), flow, scalars: vec![heat] };
     let open = FlowCondition::Open { pressure: 0.0 };

@@ -160,8 +160,6 @@ impl Bed {
     /// The fluid, with sides that slip and an open top.
     pub fn set(&self) -> FluidSet {
         let mut set = FluidSet::new(self.fluid, self.viscosity);
-        // Else the pressure stabilisation, and with it the drop of the drag law on this mesh, depends on the step.
-        set.properties.drag_in_stabilisation = true;
         set.flow("left", FlowCondition::Slip)
             .flow("right", FlowCondition::Slip)
             .flow("top", FlowCondition::Open { pressure: 0.0 })

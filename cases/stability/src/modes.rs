@@ -231,7 +231,6 @@ fn known(factor: f64, scheme: SchemeName, b: f64, quiet: bool) -> Option<bool> {
 /// about A (k h)^2 / 24, which hides what the scheme does.
 fn fluid() -> FluidSet {
     let mut set = FluidSet::new(RHO_F, VISCOSITY);
-    set.properties.drag_in_stabilisation = true;
     set
 }
 

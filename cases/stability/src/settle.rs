@@ -218,7 +218,6 @@ impl Suspension {
         let mesh = grid([width, height], self.squares)?;
         let mut set = FluidSet::new(FLUID, VISCOSITY);
         set.properties.gravity = Vec2::new(0.0, -GRAVITY);
-        set.properties.drag_in_stabilisation = true;
         let corner = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]].map(Vec2::from);
         let side = |k: usize| Wall::new("box", corner[k], corner[(k + 1) % 4]);
         let walls = (0..4).map(side).collect();

@@ -206,7 +206,6 @@ fn slowed(drag: f64, density: f64, scheme: SchemeName) -> Result<Sample> {
         let mut particles = alike(places, 6e-5, &solid)?;
         particles.mass.fill(f64::INFINITY);
         let mut set = FluidSet::new(gas, 1.0);
-        set.properties.drag_in_stabilisation = true;
         let open = FlowCondition::Open { pressure: 0.0 };
         set.conditions = vec![
             place_of("droplet", vec![]),
@@ -278,7 +277,6 @@ fn pass(Cloud { size, solidity, boils, step }: Cloud, scheme: SchemeName) -> Res
     particles.velocity.fill(Vec2::new(0.0, speed));
     let count = particles.len();
     let mut set = FluidSet::new(GAS.fluid, GAS.set().properties.viscosity);
-    set.properties.drag_in_stabilisation = true;
     let heat = Scalar::new(TEMPERATURE, GAS.fluid * CAPACITY, CONDUCTIVITY);
     set.scalars = vec![Scalar { form: Form::Monotone, ..heat }];
     let outside = ScalarCondition::Outflow { outside: Some(HOT) };

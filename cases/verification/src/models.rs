@@ -106,7 +106,6 @@ impl FluidSet {
             gravity: Vec2::zeros(),
             body_force: Vec2::zeros(),
             thin_cell_drag: 0.0,
-            drag_in_stabilisation: false,
         };
         let conditions = ["left", "right", "bottom", "top"].map(|side| Condition {
             boundary: side.into(),

@@ -143,7 +143,6 @@ def problem(setup: Mapping[str, Any], mesh: Arrays, fields: Mapping[str, Any]) -
         thin_cell_drag=properties["thin_cell_drag"],
         newton=numerics["newton"],
         tolerance=numerics["flow"]["tolerance"],
-        drag_in_stabilisation=properties["drag_in_stabilisation"],
         body_force=np.array(properties["body_force"], dtype=float),
         masters=masters,
     )

@@ -79,7 +79,7 @@ class FiniteElements(Solver):
         boundary, points = Boundary(problem, step, wind), PointSums(self.cells, step.points)
         scalars, left = [], []
         for k in range(len(problem.scalars)):
-            xi_U = self._scalar_stabilisation(k, step, wind)
+            xi_U = self._scalar_stabilisation(k, step, wind, points)
             beside = self._beside_scalar(k, step, boundary, points, xi_U)
             s, residual = self._scalar(k, step, wind, xi_U, beside, report)
             scalars.append(self.sides.mirror(s[0, :, 0]))
@@ -119,13 +119,17 @@ class FiniteElements(Solver):
         """Velocity and pressure, the convection linearised about a velocity, and A x - b as of a
         scalar, for all right-hand sides, (r, n, D + 1) each."""
 
-    def _scalar_stabilisation(self, k: int, step: Step, wind: Floats) -> Floats:
-        """xi_T U (A.12), (m, D); zero if monotone."""
+    def _scalar_stabilisation(
+        self, k: int, step: Step, wind: Floats, points: PointSums
+    ) -> Floats:
+        """xi_T U (A.12), (m, D); with the exchange of the points in xi_T if lumped, zero if monotone."""
         scalar, U = self.problem.scalars[k], self.cells.mean(wind)
         if scalar.form == "monotone":
             return np.zeros_like(U)
-        diffusivity = scalar.conductivity / scalar.capacity
-        return stabilisation_time(self.cells, U, step.dt, diffusivity)[:, None] * U
+        diffusivity, exchange = scalar.conductivity / scalar.capacity, 0.0
+        if scalar.form == "lumped":
+            exchange = points.exchange_rate(k, scalar.capacity, step.voidage)
+        return stabilisation_time(self.cells, U, step.dt, diffusivity, exchange)[:, None] * U
 
     def _beside_scalar(
         self, k: int, step: Step, boundary: Boundary, points: PointSums, xi_U: Floats
@@ -172,11 +176,9 @@ class FiniteElements(Solver):
             lightness -= scalar.expansion * (values - scalar.reference)
         body_force = 0.0 if problem.body_force is None else problem.body_force
         weight = problem.density * (lightness[:, None] * problem.gravity + body_force)
-        U, nu, reaction = cells.mean(wind), problem.viscosity / problem.density, 0.0
-        if problem.drag_in_stabilisation:
-            drag = np.bincount(step.points.cell, step.points.drag, len(cells.nodes))
-            reaction = drag / (problem.density * cells.measure * cells.mean(step.voidage))
-        xi = stabilisation_time(cells, U, step.dt, nu, reaction)
+        U, nu = cells.mean(wind), problem.viscosity / problem.density
+        drag = points.drag_rate(problem.density, step.voidage)
+        xi = stabilisation_time(cells, U, step.dt, nu, drag)
         reach = cells.size * np.linalg.norm(U, axis=1)
         xi_c = reach * np.minimum(reach / (6 * nu), 0.5)
         return FlowData(xi, xi[:, None] * U, xi_c, weight, share, self.sides.mirror(points.solid_flux(self.state)))

@@ -6,7 +6,8 @@ at its place. It exchanges with the fluid
     f_p = V grad p - gamma (u - v*),   v* = b + a (gamma u - V grad p),
     q_p = -h (s - s*),                 s* = c + a h s of each scalar s.
 
-In the equation of mass the solid flux phi v* has a law v* of its own.
+In the equation of mass the solid flux phi v* has a law v* of its own. The Galerkin terms are sums over
+the points; the residuals inside the stabilisation take them as nodal fields.
 """
 
 from dataclasses import replace
@@ -38,50 +39,99 @@ class PointSums(Places):
 
     def __init__(self, mesh: Cells, points: Points):
         super().__init__(mesh.masters[points.cell], points.shape, len(mesh.nodal_volume))
-        self.points, self.nodal_volume = points, mesh.nodal_volume
+        self.points, self.mesh = points, mesh
         self.gradient = mesh.gradient[points.cell]
         """Gradients of the shape functions at each point, (q, B, D)."""
 
-    def _along(self, xi_U: Floats) -> Floats:
-        """xi (U . grad) of the shape functions, (q, B)."""
-        return np.einsum("qi,qai->qa", xi_U[self.points.cell], self.gradient)
+    def _density(self, values: Floats) -> Floats:
+        """Lumped projection of values at the points to the nodes, (n, ..): the sum of the values with
+        phi_a over int phi_a. Zero at images, which have no volume of their own."""
+        volume = np.where(self.mesh.nodal_volume > 0, self.mesh.nodal_volume, 1)
+        total = self.rows(self.shape).T @ values
+        return (total.T / volume).T
+
+    def _cells(self, xi_U: Floats) -> tuple[Places, Floats]:
+        """The cells as places, their centroids, and xi (U . grad) of the shape functions, (m, B)."""
+        nodes = self.mesh.masters
+        centroid = np.full(nodes.shape, 1 / nodes.shape[1])
+        along = np.einsum("mi,mai->ma", xi_U, self.mesh.gradient)
+        return Places(nodes, centroid, self.count), along
+
+    def _reaction(self, exchange: Floats, capacity: float, voidage: Floats) -> Floats:
+        """Rate at which points exchange with the fluid in a cell, 1/s, (m): four times the largest
+        nodal density of the exchange over capacity and mean voidage."""
+        largest = self._density(exchange)[self.mesh.masters].max(axis=1)
+        return 4 * largest / (capacity * self.mesh.mean(voidage))
+
+    def drag_rate(self, density: float, voidage: Floats) -> Floats:
+        """What the drag adds to 1/xi, 1/s, (m)."""
+        return self._reaction(self.points.drag, density, voidage)
+
+    def exchange_rate(self, k: int, capacity: float, voidage: Floats) -> Floats | float:
+        """What the exchange of scalar k adds to 1/xi_T, 1/s, (m)."""
+        columns = self.points.scalars[k]
+        return 0.0 if columns is None else self._reaction(columns.coefficient, capacity, voidage)
 
     def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats) -> Terms:
         """Terms of the points in momentum and mass, their stabilisation included.
 
-        -<f_p, v + xi (U . grad) v> - <phi v*, grad q> - (xi / rho) <f_p, grad q>, and the weight of
-        the fluid that the points displace, <phi w, ..> in the same tests; ``weight`` are the nodal
-        values of w = rho g (1 - sum beta (s - s_R)), (n, D). The fluid's own weight is then that of
-        a cell without points: with the voidage made of the points, as in V grad p, a fluid at rest
-        between held points solves the discrete equations.
+        -<f_p, v> - <phi v*, grad q>, and the weight of the fluid that the points displace, <phi w, v>;
+        ``weight`` are the nodal values of w = rho g (1 - sum beta (s - s_R)), (n, D). The drag that
+        the law leaves is summed on the diagonal. The tests xi (U . grad) v + (xi / rho) grad q weigh
+        the same forces as nodal fields. The fluid's own weight is then that of a cell without points:
+        with the voidage made of the points, as in V grad p, a fluid at rest between held points
+        solves the discrete equations.
         """
-        p, D, tested = self.points, weight.shape[1], self.shape + self._along(xi_U)
-        time, left = sp.diags(xi[p.cell] / density), sp.diags(1 - p.mobility * p.drag)
-        drag, volume = sp.diags(p.drag), sp.diags(p.volume)
-        # -f_p = left forcing - gamma b, forcing = gamma u - V grad p.
-        force = p.drag[:, None] * p.velocity - p.volume[:, None] * self.at(weight)
-        flux = p.volume[:, None] * p.flux_velocity
+        p, D = self.points, weight.shape[1]
         matrix, rhs = self.nothing(D + 1)
+        if not len(p.cell):
+            return matrix, rhs
+        left = 1 - p.mobility * p.drag
+        drag, volume = sp.diags(p.drag), sp.diags(p.volume)
+        # -f_p = left (gamma u - V grad p) - gamma b.
+        given = p.drag[:, None] * p.velocity
+        force = given - p.volume[:, None] * self.at(weight)
+        flux = p.volume[:, None] * p.flux_velocity
         for i in range(D):
             slope = self.rows(self.gradient[:, :, i], D, D + 1)
-            test = self.rows(tested, i, D + 1) + time @ slope
-            forcing = drag @ self.rows(self.shape, i, D + 1) - volume @ slope
-            matrix += test.T @ left @ forcing
-            matrix -= slope.T @ volume @ sp.diags(p.flux_mobility) @ forcing
+            test = self.rows(self.shape, i, D + 1)
+            matrix += sp.diags(test.T @ (left * p.drag))
+            matrix -= test.T @ sp.diags(left) @ volume @ slope
+            matrix -= slope.T @ volume @ sp.diags(p.flux_mobility) @ (drag @ test - volume @ slope)
             rhs += test.T @ force[:, i] + slope.T @ flux[:, i]
+        # The forces as fields: K u - M grad p on the left, F - Phi w on the right.
+        nodal = (self._density(values) for values in (left * p.drag, left * p.volume, p.volume, given))
+        left_drag, left_volume, solid, force = nodal
+        force -= solid[:, None] * weight
+        mesh, nodes, share = self.mesh, self.mesh.masters, self.mesh.measure / (D + 1)
+        cells, along = self._cells(xi_U)
+        for i in range(D):
+            across = (xi / density)[:, None] * mesh.gradient[:, :, i]
+            test = cells.rows(along, i, D + 1) + cells.rows(across, D, D + 1)
+            pushed = share[:, None] * left_drag[nodes]
+            pressed = (share * left_volume[nodes].sum(axis=1))[:, None] * mesh.gradient[:, :, i]
+            matrix += test.T @ (cells.rows(pushed, i, D + 1) - cells.rows(pressed, D, D + 1))
+            rhs += test.T @ (share * force[nodes, i].sum(axis=1))
         return matrix, rhs
 
     def scalar(self, k: int, xi_U: Floats, lumped: bool) -> Terms:
         """-<q_p, S + xi U . grad S> of scalar k. If ``lumped``, the rows of -<q_p, S> are summed on
-        the diagonal."""
+        the diagonal, and xi U . grad S weighs the exchange as a nodal field."""
         columns = self.points.scalars[k]
-        if columns is None:
+        if columns is None or not len(self.points.cell):
             return self.nothing()
-        h, value, along = columns.coefficient, self.rows(self.shape), self.rows(self._along(xi_U))
-        rate, given = h * (1 - columns.mobility * h), (value + along).T @ (h * columns.value)
-        carried = along if lumped else value + along
-        matrix = carried.T @ sp.diags(rate) @ value
-        return matrix + sp.diags(value.T @ rate) if lumped else matrix, given
+        h, value = columns.coefficient, self.rows(self.shape)
+        rate, given = h * (1 - columns.mobility * h), h * columns.value
+        if not lumped:
+            along = np.einsum("qi,qai->qa", xi_U[self.points.cell], self.gradient)
+            test = self.rows(self.shape + along)
+            return test.T @ sp.diags(rate) @ value, test.T @ given
+        nodes, share = self.mesh.masters, self.mesh.measure / self.shape.shape[1]
+        cells, along = self._cells(xi_U)
+        test = cells.rows(along)
+        matrix = test.T @ cells.rows(share[:, None] * self._density(rate)[nodes])
+        rhs = test.T @ (share * self._density(given)[nodes].sum(axis=1))
+        return matrix + sp.diags(value.T @ rate), rhs + value.T @ given
 
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law of the flux at the given fields, (n, D)."""
@@ -89,6 +139,4 @@ class PointSums(Places):
         slope = np.einsum("qa,qai->qi", fields.pressure[self.nodes], self.gradient)
         forcing = p.drag[:, None] * self.at(fields.velocity) - p.volume[:, None] * slope
         v = p.flux_velocity + p.flux_mobility[:, None] * forcing
-        flux = self.rows(self.shape).T @ (p.volume[:, None] * v)
-        # Zero at images, which have no volume of their own.
-        return flux / np.where(self.nodal_volume > 0, self.nodal_volume, 1)[:, None]
+        return self._density(p.volume[:, None] * v)

@@ -211,8 +211,6 @@ class Problem:
     """Newton steps of the convection per time step."""
     tolerance: float = 1e-8
     """Relative residual of the linear systems, for solvers that iterate."""
-    drag_in_stabilisation: bool = False
-    """Whether the drag of the points enters the stabilisation time."""
     body_force: Floats | None = None
     """Further acceleration of the fluid, m/s2; it weighs neither by temperature nor on the points."""
     masters: Integers | None = None

@@ -13,12 +13,20 @@ pub trait Document: DeserializeOwned + JsonSchema {
     /// The command that lists all keys.
     const KEYS: &'static str;
 
+    /// Keys of earlier versions, and what to do about them.
+    const GONE: &'static [(&'static str, &'static str)] = &[];
+
     /// Writes out what a person may write in short.
     fn expand(_document: &mut Table) {}
 }
 
 impl Document for Scene {
     const KEYS: &'static str = "voidage schema";
+
+    const GONE: &'static [(&'static str, &'static str)] = &[(
+        "fluid.solver.drag_in_stabilisation",
+        "delete the line: the drag is always in the stabilisation, and steady pressure drops do not depend on the step",
+    )];
 
     /// `radius = 5e-4` for `{constant = 5e-4}`; `"open"` for `{open = {}}`, of scalars `"outflow"` for `{outflow =
     /// {}}`.
@@ -108,7 +116,10 @@ pub fn fill<T: Document>(document: &Table) -> Result<T, Fault> {
         let documented = missing.iter().map(|key| Segment::Key(key.clone()));
         let documented: Vec<Segment> = steps.iter().cloned().chain(documented).collect();
         let help = match (&unknown, schema::describe::<T>(&documented)) {
-            (Some(key), _) => remedy_of_unknown(key, &message),
+            (Some(key), _) => match T::GONE.iter().find(|(gone, _)| *gone == join(&steps)) {
+                Some((_, remedy)) => (*remedy).to_owned(),
+                None => remedy_of_unknown(key, &message),
+            },
             (None, _) if message.contains("expected a list") && keys_at(document, &steps).is_some() => {
                 format!("a list of tables is written `[[{}]]`", join(&steps))
             }

@@ -264,13 +264,11 @@ pub struct FluidSolver {
     pub tolerance: f64,
     /// Newton iterations per time step. Default 1.
     pub newton: usize,
-    /// Whether the drag enters the stabilisation parameter of the momentum equation. Default false.
-    pub drag_in_stabilisation: bool,
 }
 
 impl Default for FluidSolver {
     fn default() -> Self {
-        FluidSolver { linear: LinearMethod::Auto, tolerance: 1e-8, newton: 1, drag_in_stabilisation: false }
+        FluidSolver { linear: LinearMethod::Auto, tolerance: 1e-8, newton: 1 }
     }
 }
 

@@ -88,7 +88,6 @@ impl Suspension {
             .flow("left", FlowCondition::Slip)
             .flow("right", FlowCondition::Slip);
         set.properties.gravity = Vec2::new(0.0, -GRAVITY);
-        set.properties.drag_in_stabilisation = true;
         let apart = self.spacing();
         let [width, height] = [self.columns(), ROWS + CLEAR].map(|count| count as f64 * apart);
         let mesh = parallel([width, height], [self.across, (ROWS + CLEAR) / self.each])?;

@@ -344,8 +344,6 @@ fn bed_pressure(rings: usize) -> Result<f64> {
     let perimeter: f64 = mesh.boundary("inner")?.measure(&mesh);
     let points = held_points(&mesh, voidage, drag);
     let mut set = FluidSet::new(1e-6, 1e-6);
-    // Where drag outweighs all else, a stabilisation that does not know it takes the place of the equation of mass.
-    set.properties.drag_in_stabilisation = true;
     let heat_flux = HeatFlux::default();
     let evaporation = Evaporation { scalar: None, heat_flux, heat: blowing * perimeter, latent: 1.0 };
     let disc = Body { evaporation: Some(evaporation), ..disc_of(BodyMotion::Held(Vec2::zeros())) };

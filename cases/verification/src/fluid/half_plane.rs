@@ -118,7 +118,6 @@ fn measure(depth: f64, does: Does, edge: f64) -> Result<(f64, f64)> {
     let (perimeter, ring) = (part.measure(&mesh), part.facets.clone());
     // As thin a gas as it takes for the drag to outweigh all else.
     let mut set = FluidSet::new(1e-6, 1e-6);
-    set.properties.drag_in_stabilisation = true;
     let (motion, heat) = match does {
         Does::Blow => (Vec2::zeros(), speed * perimeter),
         Does::Move(along) => (along * speed, 0.0),

@@ -194,7 +194,6 @@ fn texts_and_setups_come_back_bit_for_bit() {
         gravity: Vector::<2>::new(0.0, -9.81),
         body_force: Vector::<2>::new(0.3, 0.0),
         thin_cell_drag: 0.0,
-        drag_in_stabilisation: true,
     };
     let model = Model { properties, scalars: vec![], numerics: Default::default(), conditions };
     let setup = Setup::new(model);

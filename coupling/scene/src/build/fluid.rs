@@ -123,7 +123,6 @@ fn properties(scene: &Scene, fluid: &scene::Fluid) -> Properties<2> {
         gravity: scene.gravity.vector(),
         body_force: fluid.body_force.as_ref().map_or_else(Vector::zeros, |b| b.vector()),
         thin_cell_drag: fluid.thin_cell.as_ref().map_or(0.0, |cell| cell.drag),
-        drag_in_stabilisation: fluid.solver.drag_in_stabilisation,
     }
 }
 
