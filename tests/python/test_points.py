@@ -1,4 +1,4 @@
-"""The matrices of the points against the exchange written out point by point."""
+"""The matrices of the points against the exchange written out point by point and cell by cell."""
 
 import dataclasses
 
@@ -52,18 +52,38 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
     unknown = np.column_stack((fields.velocity, fields.pressure)).ravel()
     tested = np.column_stack((v, q)).ravel() @ (matrix @ unknown - rhs)
 
-    expected = 0.0
-    for i, phi, cell, around, gradient, u, slope, _ in each_point(mesh, points, fields):
+    expected, forces = 0.0, nodal_forces(mesh, points)
+    for i, phi, _, around, gradient, _, slope, _ in each_point(mesh, points, fields):
         gamma, V = points.drag[i], points.volume[i]
-        forcing = gamma * u - V * slope
-        law = points.velocity[i] + points.mobility[i] * forcing
-        of_flux = points.flux_velocity[i] + points.flux_mobility[i] * forcing
-        force = V * slope - gamma * (u - law)
-        slope_v, slope_q = v[around].T @ gradient, q[around] @ gradient
-        weighed = slope_v @ xi_U[cell] + slope_q * xi[cell] / box.density
-        expected -= force @ (phi @ v[around] + weighed) + V * of_flux @ slope_q
-        expected += V * (phi @ weight[around]) @ (phi @ v[around] + weighed)
+        left, u = 1 - points.mobility[i] * gamma, phi @ fields.velocity[around]
+        of_flux = points.flux_velocity[i] + points.flux_mobility[i] * (gamma * u - V * slope)
+        # Drag with the velocities of the nodes, all else at the point.
+        drag = gamma * left * (phi @ (fields.velocity[around] * v[around]).sum(axis=1))
+        force = V * left * slope + gamma * points.velocity[i] - V * (phi @ weight[around])
+        expected += drag - force @ (phi @ v[around]) - V * of_flux @ (q[around] @ gradient)
+    for cell, around in enumerate(mesh.nodes):
+        gradient, (solid, left_solid, drag, force) = mesh.gradient[cell], forces
+        slope = fields.pressure[around] @ gradient
+        weighed = v[around].T @ gradient @ xi_U[cell] + q[around] @ gradient * xi[cell] / box.density
+        residual = drag[around, None] * fields.velocity[around] - left_solid[around, None] * slope
+        residual += solid[around, None] * weight[around] - force[around]
+        expected += mesh.measure[cell] * residual.mean(axis=0) @ weighed
     assert tested == pytest.approx(expected, rel=1e-12)
+
+
+def nodal_forces(mesh, points):
+    """Sums over the points with phi_a over int phi_a: of V, of V and gamma that the law leaves, of
+    gamma b."""
+    count = len(mesh.nodal_volume)
+    scalars, force = np.zeros((3, count)), np.zeros((count, points.velocity.shape[1]))
+    for i, (cell, phi) in enumerate(zip(points.cell, points.shape, strict=True)):
+        gamma, V = points.drag[i], points.volume[i]
+        left = 1 - points.mobility[i] * gamma
+        for node, share in zip(mesh.nodes[cell], phi, strict=True):
+            share = share / mesh.nodal_volume[node]
+            scalars[:, node] += share * V, share * V * left, share * gamma * left
+            force[node] += share * gamma * points.velocity[i]
+    return *scalars, force
 
 
 def test_matrices_of_a_scalar_are_the_exchange_tested(case, rng):
@@ -76,6 +96,23 @@ def test_matrices_of_a_scalar_are_the_exchange_tested(case, rng):
         h = columns.coefficient[i]
         law = columns.value[i] + columns.mobility[i] * h * s
         expected += h * (s - law) * (phi @ S[around] + S[around] @ gradient @ xi_U[cell])
+    assert tested == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_residual_of_a_lumped_scalar_has_the_exchange_as_a_field(case, rng):
+    box, mesh, points, sums, fields = case
+    (_, xi_U), S = weighting(box, mesh, fields, rng), rng.standard_normal(len(box.points))
+    matrix, rhs = sums.scalar(0, xi_U, lumped=True)
+    tested = S @ (matrix @ fields.scalars[0] - rhs)
+    expected, columns, lost = 0.0, points.scalars[0], np.zeros(len(box.points))
+    for i, phi, _, around, _, _, _, _ in each_point(mesh, points, fields):
+        h, s = columns.coefficient[i], fields.scalars[0][around]
+        nodal = phi * h * ((1 - columns.mobility[i] * h) * s - columns.value[i])
+        expected += nodal @ S[around]
+        lost[around] += nodal / mesh.nodal_volume[around]
+    for cell, around in enumerate(mesh.nodes):
+        along = S[around] @ mesh.gradient[cell] @ xi_U[cell]
+        expected += mesh.measure[cell] * lost[around].mean() * along
     assert tested == pytest.approx(expected, rel=1e-12)
 
 

@@ -159,7 +159,7 @@ impl Bed {
 
     /// The fluid, with sides that slip and an open top.
     pub fn set(&self) -> FluidSet {
-        let mut set = FluidSet::new(self.fluid, self.viscosity);
+        let set = FluidSet::new(self.fluid, self.viscosity);
         set.flow("left", FlowCondition::Slip)
             .flow("right", FlowCondition::Slip)
             .flow("top", FlowCondition::Open { pressure: 0.0 })

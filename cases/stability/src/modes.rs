@@ -230,8 +230,7 @@ fn known(factor: f64, scheme: SchemeName, b: f64, quiet: bool) -> Option<bool> {
 /// mixture with stiff drag is smeared: with A >> 1 a mode of wave number k on elements of size h would be off by
 /// about A (k h)^2 / 24, which hides what the scheme does.
 fn fluid() -> FluidSet {
-    let mut set = FluidSet::new(RHO_F, VISCOSITY);
-    set
+    FluidSet::new(RHO_F, VISCOSITY)
 }
 
 /// A short wall that a grain rests on.
