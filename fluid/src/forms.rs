@@ -132,9 +132,9 @@ impl<const D: usize> Stabilisation<D> {
         let speed = direction.norm();
         let h = cell.element.size();
         let nu = fluid.viscosity / fluid.density;
-        let drag = cell.density.map_or(0.0, |density| {
-            reaction(density.map(|node| node.drag), fluid.density, &cell.voidage)
-        });
+        let drag = cell
+            .density
+            .map_or(0.0, |density| reaction(density.map(|node| node.drag), fluid.density, &cell.voidage));
         Self {
             direction,
             time: stabilisation_time(dt, speed, h, nu, drag),
@@ -351,7 +351,8 @@ fn momentum_residual<const D: usize, const B: usize>(
             drag[a] = share * node.left_drag;
         }
     }
-    let mut rhs = (old / dt + slope * carried + fluid.gravity * weight + fluid.body_force * pushed) * rho + given;
+    let mut rhs =
+        (old / dt + slope * carried + fluid.gravity * weight + fluid.body_force * pushed) * rho + given;
     if let Some((momentum, _)) = &cell.source {
         rhs += momentum.iter().sum::<Vector<D>>() * share;
     }
@@ -417,9 +418,9 @@ fn least_squares_incompressibility<const D: usize, const B: usize>(
     let voidage = cell.voidage_integral();
     let voidage_slope = cell.element.gradient_of(&cell.voidage);
     let source = cell.source.as_ref().map_or(0.0, |(_, mass)| mass.iter().sum::<f64>() / B as f64);
-    let solid = cell.density.map_or(0.0, |density| {
-        (0..B).map(|a| density[a].flux.dot(&cell.element.gradient[a])).sum::<f64>()
-    });
+    let solid = cell
+        .density
+        .map_or(0.0, |density| (0..B).map(|a| density[a].flux.dot(&cell.element.gradient[a])).sum::<f64>());
     let known = measure * (source - solid);
     for a in 0..B {
         let test = cell.element.gradient[a] * scale;

@@ -237,9 +237,9 @@ fn upwind<const D: usize, const B: usize>(cell: &Cell<D, B>, scalar: &Scalar, dt
     }
     let direction = cell.velocity.iter().sum::<Vector<D>>() / B as f64;
     let diffusivity = scalar.conductivity / scalar.capacity;
-    let exchange = cell.density.map_or(0.0, |density| {
-        reaction(density.map(|node| node.exchange), scalar.capacity, &cell.voidage)
-    });
+    let exchange = cell
+        .density
+        .map_or(0.0, |density| reaction(density.map(|node| node.exchange), scalar.capacity, &cell.voidage));
     let time = stabilisation_time(dt, direction.norm(), cell.element.size(), diffusivity, exchange);
     std::array::from_fn(|a| time * direction.dot(&cell.element.gradient[a]))
 }

@@ -140,7 +140,10 @@ fn a_block_of_strong_drag_has_the_pressure_drop_of_darcy() {
         let drop = low.iter().map(|a| state.pressure[*a]).sum::<f64>() / low.len() as f64;
         let share = drop / (drag * inflow * 12.0 * edge);
         let fastest = largest(state.velocity.iter().map(|u| u.norm())) / inflow;
-        assert!((0.93..0.98).contains(&share) && fastest < 1.5, "{drag} Pa s/m2, dt {dt}: {share}, {fastest}");
+        assert!(
+            (0.93..0.98).contains(&share) && fastest < 1.5,
+            "{drag} Pa s/m2, dt {dt}: {share}, {fastest}"
+        );
     }
 }
 
@@ -213,7 +216,8 @@ fn a_stream_through_hot_points_stays_between_both_temperatures() {
         for mut points in [scattered(&mesh, layer, 1.0, 0.0), held_points(&mesh, 1.0, 1.0)] {
             let rate = 10.0 / 0.05;
             let within = |cell: &u32| f64::from(layer(mesh.centroid(*cell as usize)));
-            let exchange = points.drag.iter().zip(&points.cell).map(|(size, cell)| rate * size * within(cell));
+            let exchange =
+                points.drag.iter().zip(&points.cell).map(|(size, cell)| rate * size * within(cell));
             points.scalars = vec![Some(PointScalar {
                 coefficient: exchange.collect(),
                 mobility: vec![0.0; points.len()],

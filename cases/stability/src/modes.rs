@@ -12,10 +12,10 @@ use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
 use voidage_dem::{Dem, Load, Material, Settings, Wall};
 use voidage_fluid::Mesh;
-use voidage_fluid::conditions::{Condition, FlowCondition, ScalarCondition};
+use voidage_fluid::conditions::FlowCondition;
 use voidage_fluid::transport::Scalar;
 use voidage_verification::models::{
-    FluidSet, Vec2, cake, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
+    self, FluidSet, Vec2, endless, grains, grid, hot_grains, one_per_cell, three_per_cell, weightless,
 };
 
 /// Grain over fluid density.
@@ -226,9 +226,7 @@ fn known(factor: f64, scheme: SchemeName, b: f64, quiet: bool) -> Option<bool> {
     }
 }
 
-/// A fluid whose pressure stabilisation knows the drag. Without it (the paper's form) the discrete pressure of a
-/// mixture with stiff drag is smeared: with A >> 1 a mode of wave number k on elements of size h would be off by
-/// about A (k h)^2 / 24, which hides what the scheme does.
+/// The fluid of all mixtures.
 fn fluid() -> FluidSet {
     FluidSet::new(RHO_F, VISCOSITY)
 }
@@ -330,17 +328,12 @@ fn judge(deviation: f64, growth: f64, root: f64, tally: Tally) -> Sample {
     Sample::new(verdict, growth, root, tally)
 }
 
-/// The mixture turns like a rigid body in a round box, the fluid against the grains: no strain, no divergence, nothing
-/// but drag acts. The grains are free, or each rests on a wall with friction under its weight.
+/// The fluid moves as one against the grains in a mixture without an end: no strain, no divergence, nothing but drag
+/// acts. The grains are free, or each rests on a wall with friction under its weight.
 fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Sample> {
     let mut set = fluid();
-    let rim = Condition {
-        boundary: "rim".into(),
-        flow: FlowCondition::Slip,
-        scalars: vec![ScalarCondition::Insulated],
-    };
-    set.conditions = vec![rim];
-    let mesh = cake(24);
+    set.conditions.clear();
+    let mesh = endless(4)?;
     let dt = mixture.step(&set, b);
     // Held grains: weight enough for the walls to hold them by friction, and drag linear at a Reynolds number of 1e-8.
     // The contacts are solved to the last digit, since those that push by less than the tolerance are left alone.
@@ -352,35 +345,32 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
         }
         false => (1e-16, weightless()),
     };
-    let turning = |x: &Vec2| Vec2::new(-x.y, x.x) * creep;
+    let moving = Vec2::new(creep, 0.0);
     let mut start = set.rest(&mesh, 0.0);
     let mut dem = mixture.grains(&mesh, settings, held)?;
     if held {
         // The contacts know the weight before the fluid moves.
         dem.step(dt, &Load::default());
-        start.velocity = mesh.points.iter().map(turning).collect();
+        start.velocity.fill(moving);
     } else {
-        dem.particles.velocity = dem.particles.position.iter().map(turning).collect();
+        dem.particles.velocity.fill(moving);
     }
-    let at: Vec<Vec2> = match held {
-        true => dem.particles.position.iter().map(turning).collect(),
-        false => vec![Vec2::zeros(); dem.particles.len()],
-    };
+    let at = if held { moving } else { Vec2::zeros() };
     let mut system = set.with_grains(set.build(mesh, start)?, dem, set.laws(None), scheme)?;
     if let Some(interaction) = system.interaction_mut() {
-        interaction.at.velocity = at;
+        interaction.at.velocity.fill(at);
     }
     let (p, q) = match held {
         true => mixture.held_recursion(scheme, b),
         false => (mixture.slip_factor(scheme, b), 0.0),
     };
-    let mut last = relative_turn(&mut system, held)?;
+    let mut last = models::slip(&system, held);
     // A recursion of two steps is compared from the second step on.
     let (first, mut worst, mut tally, mut old) = (last, 0.0f64, Tally::default(), None);
     while tally.steps < STEPS {
         let report = system.step(dt)?;
         tally.add(&report);
-        let now = relative_turn(&mut system, held)?;
+        let now = models::slip(&system, held);
         if let Some(old) = old.or((q == 0.0).then_some(0.0)) {
             let size = now.abs().max(last.abs()).max(f64::abs(old));
             worst = worse(worst, (now - p * last - q * old).abs() / size);
@@ -393,19 +383,6 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
     }
     let growth = (last / first).abs().powf(1.0 / tally.steps as f64);
     Ok(judge(worst, growth, larger_root((p, q)), tally))
-}
-
-/// Angular velocity of the fluid at a node of the rim, relative to that of one grain unless they are held.
-fn relative_turn(system: &mut Coupled<2>, held: bool) -> Result<f64> {
-    let mut turn = 0.0;
-    if let Some(fluid) = system.fluid_mut() {
-        turn = fluid.accepted.velocity[1].y;
-    }
-    if let (Some(grains), false) = (system.grains(), held) {
-        let (x, v) = (grains.particles.position[10], grains.particles.velocity[10]);
-        turn -= (x.x * v.y - x.y * v.x) / x.norm_squared();
-    }
-    Ok(turn)
 }
 
 fn heat_factor(ratio: f64, scheme: SchemeName, b: f64) -> f64 {

@@ -216,18 +216,12 @@ pub fn one_per_cell(mesh: &Mesh<2>) -> Vec<Vec2> {
     (0..mesh.cell_count()).map(|cell| mesh.centroid(cell)).collect()
 }
 
-/// A regular polygon of `sides` corners round the origin, radius 1 m, cut like a cake; its boundary is called rim.
-pub fn cake(sides: usize) -> Mesh<2> {
-    let corner = |k: usize| {
-        let angle = 2.0 * std::f64::consts::PI * k as f64 / sides as f64;
-        Vec2::new(angle.cos(), angle.sin())
-    };
-    let points = std::iter::once(Vec2::zeros()).chain((0..sides).map(corner)).collect();
-    let next = |k: usize| 1 + (k + 1) % sides;
-    let cells = (0..sides).flat_map(|k| [0, 1 + k as u32, next(k) as u32]).collect();
-    let facets = (0..sides).flat_map(|k| [1 + k as u32, next(k) as u32]).collect();
-    let rim = Boundary { name: "rim".into(), facets, cells: (0..sides as u32).collect() };
-    Mesh { points, cells, boundaries: vec![rim], periodic: Periodic::default() }
+/// A box without an end, periodic along both axes, of so many squares of 1 m along each: a mixture that is the same
+/// everywhere stays so.
+pub fn endless(squares: usize) -> Result<Mesh<2>> {
+    let mut mesh = parallel([squares as f64; 2], [squares; 2])?;
+    mesh.join_sides([true; 2])?;
+    Ok(mesh)
 }
 
 /// A ring round the origin between two radii (m), cut along `rings` circles whose radii grow by one factor and
@@ -326,9 +320,8 @@ pub fn weightless() -> Settings<2> {
 /// Speeds so small that drag is linear and convection is below round-off.
 const CREEP: f64 = 1e-18;
 
-/// A homogeneous mixture whose grains turn like a rigid body, the fluid at rest, in a round box without wall friction:
-/// no strain, no divergence, no flow through the rim, so that nothing but drag acts. The slip decays at the sum of the
-/// rates.
+/// A homogeneous mixture without an end whose grains move as one, the fluid at rest: no strain and no divergence, so that
+/// nothing but drag acts. The slip decays at the sum of the rates.
 pub struct SlipBox {
     /// Grains and fluid.
     pub system: Coupled<2>,
@@ -343,16 +336,15 @@ impl SlipBox {
     pub fn new(scheme: SchemeName) -> Result<Self> {
         let (rho_f, eta, rho_s, radius, phi) = (3.0, 1e-2, 7.0, 0.01, 0.4);
         let mut set = FluidSet::new(rho_f, eta);
-        let flow = FlowCondition::Slip;
-        set.conditions = vec![Condition { boundary: "rim".into(), flow, scalars: vec![] }];
-        let mesh = cake(24);
+        set.conditions.clear();
+        let mesh = endless(4)?;
         let start = set.rest(&mesh, 0.0);
         let mut grains = grains(three_per_cell(&mesh), radius, Material::default(), weightless())?;
         let particles = &mut grains.particles;
         let volume = phi * mesh.measure(0) / 3.0;
         particles.volume.fill(volume);
         particles.mass.fill(rho_s * volume);
-        particles.velocity = particles.position.iter().map(|x| Vec2::new(-x.y, x.x) * CREEP).collect();
+        particles.velocity.fill(Vec2::new(0.6, 0.8) * CREEP);
         let (voidage, diameter) = (1.0 - phi, 2.0 * radius);
         let around = Surroundings { slip: 0.0, voidage, diameter, density: rho_f, viscosity: eta };
         let laws = set.laws(None);
@@ -362,16 +354,15 @@ impl SlipBox {
         Ok(Self { system, fluid_rate, grain_rate })
     }
 
-    /// Difference of the angular velocities, 1/s, seen at a node of the rim and at one grain.
-    pub fn slip(&mut self) -> Result<f64> {
-        let mut turn = 0.0;
-        if let Some(fluid) = self.system.fluid_mut() {
-            turn = fluid.accepted.velocity[1].y;
-        }
-        if let Some(grains) = self.system.grains() {
-            let (x, v) = (grains.particles.position[10], grains.particles.velocity[10]);
-            turn -= (x.x * v.y - x.y * v.x) / x.norm_squared();
-        }
-        Ok(turn)
+    /// Velocity of a node of the fluid less that of a grain, m/s.
+    pub fn slip(&self) -> f64 {
+        slip(&self.system, false)
     }
+}
+
+/// Horizontal velocity of a node of the fluid, less that of a grain unless they are held, m/s.
+pub fn slip(system: &Coupled<2>, held: bool) -> f64 {
+    let fluid = system.fluid().map_or(f64::NAN, |fluid| fluid.accepted.velocity[1].x);
+    let grain = system.grains().map_or(f64::NAN, |grains| grains.particles.velocity[10].x);
+    if held { fluid } else { fluid - grain }
 }

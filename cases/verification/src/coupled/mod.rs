@@ -10,11 +10,5 @@ mod steady_bed;
 mod wakao;
 
 /// The cases of this group.
-pub const CASES: &[Case] = &[
-    wakao::CASE,
-    schumann::CASE,
-    settling::CASE,
-    steady_bed::CASE,
-    fluidisation::CASE,
-    plateau::CASE,
-];
+pub const CASES: &[Case] =
+    &[wakao::CASE, schumann::CASE, settling::CASE, steady_bed::CASE, fluidisation::CASE, plateau::CASE];

@@ -76,7 +76,8 @@ impl Bed {
         let mut held = grains(places, 0.5 * DIAMETER, material, weightless())?;
         held.particles.mass.fill(f64::INFINITY);
         let laws = Laws { drag: Drag::Ergun, voidage_function: VoidageFunction::None, ..set.laws(None) };
-        let mut system = set.with_grains(set.build(mesh.clone(), start)?, held, laws, SchemeName::Iterated)?;
+        let mut system =
+            set.with_grains(set.build(mesh.clone(), start)?, held, laws, SchemeName::Iterated)?;
         let ends = [CLEAR + END, CLEAR + ROWS as f64 * SPACING - END];
         let inside: Vec<usize> =
             (0..mesh.cell_count()).filter(|k| (ends[0]..ends[1]).contains(&mesh.centroid(*k).y)).collect();
@@ -119,12 +120,26 @@ fn run(effort: Effort) -> Result<Outcome> {
     ];
     for (name, edge, squares, bed) in over_the_step {
         let mesh = mesh(*edge, *squares)?;
-        let shares =
-            steps.iter().map(|step| Ok((*step, bed.measured(&mesh, *step)? / bed.law()))).collect::<Result<Vec<_>>>()?;
+        let shares = steps
+            .iter()
+            .map(|step| Ok((*step, bed.measured(&mesh, *step)? / bed.law())))
+            .collect::<Result<Vec<_>>>()?;
         let of = |pick: fn(f64, f64) -> f64| shares.iter().map(|(_, share)| *share).reduce(pick);
         let (low, high) = (of(f64::min).unwrap_or(f64::NAN), of(f64::max).unwrap_or(f64::NAN));
-        outcome.findings.push(Finding::relative(format!("share of the law, least, {name}"), "1", 1.0, low, 0.015));
-        outcome.findings.push(Finding::relative(format!("share of the law, most, {name}"), "1", 1.0, high, 0.015));
+        outcome.findings.push(Finding::relative(
+            format!("share of the law, least, {name}"),
+            "1",
+            1.0,
+            low,
+            0.015,
+        ));
+        outcome.findings.push(Finding::relative(
+            format!("share of the law, most, {name}"),
+            "1",
+            1.0,
+            high,
+            0.015,
+        ));
         let what = format!("spread over four decades of the step, {name}");
         outcome.findings.push(Finding::at_most(what, "1", 2e-3, high - low));
         drawn.push(Curve::joined(*name, shares));
@@ -140,7 +155,11 @@ fn run(effort: Effort) -> Result<Outcome> {
     outcome.panels.push(Panel {
         curves: drawn,
         log: [true, false],
-        ..Panel::new("Pressure drop inside a held bed", "step / relaxation time of the fluid", "share of Ergun's law")
+        ..Panel::new(
+            "Pressure drop inside a held bed",
+            "step / relaxation time of the fluid",
+            "share of Ergun's law",
+        )
     });
     Ok(outcome)
 }
