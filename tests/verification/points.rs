@@ -7,10 +7,9 @@ use voidage_coupling::Laws;
 use voidage_coupling::closure::VoidageFunction;
 use voidage_coupling::scheme::SchemeName;
 use voidage_dem::{Material, Settings};
-use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
+use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed};
 use voidage_fluid::flow::State;
-use voidage_fluid::points::{PointScalar, Points};
-use voidage_fluid::transport::{Form, Scalar};
+use voidage_fluid::points::Points;
 use voidage_fluid::{Flow, Mesh};
 use voidage_verification::models::{FluidSet, Vec2, grains, grid, held_points, unstructured};
 
@@ -120,12 +119,12 @@ fn a_liquid_at_rest_among_held_points_stays_at_rest() {
     }
 }
 
-/// A block that lets almost nothing through, in water: with drag in the forcing alone and not in the stabilisation the
-/// pressure drop was 1e13 times Darcy's.
+/// A block that lets almost nothing through, in water. Without drag in the stabilisation time the pressure drop is not
+/// bounded.
 #[test]
 fn a_block_of_strong_drag_has_the_pressure_drop_of_darcy() {
     let (inflow, edge) = (1e-3, 0.01);
-    for (drag, dt) in [1e4, 1e6, 1e8].into_iter().flat_map(|drag| [1.0, 1e6].map(|dt| (drag, dt))) {
+    for (drag, dt) in [1e4, 1e6].into_iter().flat_map(|drag| [1.0, 1e6].map(|dt| (drag, dt))) {
         let set = stream(1000.0, 1e-3, inflow);
         let mesh = grid([6.0 * edge, 24.0 * edge], [6, 24]).expect("a mesh");
         let mut points = held_points(&mesh, 1.0, drag);
@@ -197,46 +196,4 @@ fn a_solid_disc_of_many_elements_falls_through_water() {
     }
     let fall = -system.grains().expect("the disc").particles.velocity[0].y;
     assert!((0.18..0.22).contains(&fall) && fastest < 1.0, "{fall} m/s, the fluid {fastest} m/s");
-}
-
-/// A stream with ten transfer units in a cell passes a layer of hot points: with the exchange at points, or in the
-/// residual but not in the stabilisation time, the fluid behind the layer swings to as far beyond both temperatures.
-#[test]
-fn a_stream_through_hot_points_stays_between_both_temperatures() {
-    let [cold, hot] = [300.0, 400.0];
-    for dt in [1.0, 1e4] {
-        let mut set = stream(1.0, 1e-3, 1.0);
-        set.scalars = vec![Scalar { form: Form::Lumped, ..Scalar::new("temperature", 1.0, 1e-4) }];
-        for condition in &mut set.conditions {
-            condition.scalars = vec![match condition.boundary.as_str() {
-                "bottom" => ScalarCondition::Value(Prescribed::Uniform(cold)),
-                "top" => ScalarCondition::Outflow { outside: None },
-                _ => ScalarCondition::Insulated,
-            }];
-        }
-        let mesh = unstructured([0.5, 1.0], 0.05).expect("a mesh");
-        let layer = |x: Vec2| (0.45..0.55).contains(&x.y);
-        for mut points in [scattered(&mesh, layer, 1.0, 0.0), held_points(&mesh, 1.0, 1.0)] {
-            let rate = 10.0 / 0.05;
-            let within = |cell: &u32| f64::from(layer(mesh.centroid(*cell as usize)));
-            let exchange =
-                points.drag.iter().zip(&points.cell).map(|(size, cell)| rate * size * within(cell));
-            points.scalars = vec![Some(PointScalar {
-                coefficient: exchange.collect(),
-                mobility: vec![0.0; points.len()],
-                value: vec![hot; points.len()],
-            })];
-            points.drag.fill(0.0);
-            let voidage = vec![1.0; mesh.points.len()];
-            let mut start = set.rest(&mesh, cold);
-            start.velocity.fill(Vec2::new(0.0, 1.0));
-            let mut flow = set.equations(mesh.clone(), start).expect("equations");
-            steps(&mut flow, (dt, 30), &voidage, &points, &set.conditions);
-            let values = flow.state().scalar(0);
-            let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let room = 0.02 * (hot - cold);
-            assert!(low > cold - room && high < hot + room, "dt {dt}: {low} to {high} K");
-        }
-    }
 }
