@@ -144,11 +144,11 @@ fn a_step_that_does_not_converge_is_halved() {
 #[test]
 fn a_scheme_that_solves_once_says_that_grains_and_fluid_disagree() {
     let solved = |scheme: SchemeName, cutting: Option<Cutting>| {
-        let slow = "fluid.boundaries.inflow.flow.superficial_velocity=[0.0,0.002]";
+        let slow = "fluid.boundaries.inflow.flow.superficial_velocity=[0.0,0.0]";
         let mut simulation = bed_with(&["fluid.density=1000.0", "fluid.viscosity=1e-3", slow]);
         let coupled = simulation.coupled_mut();
         coupled.set_scheme(scheme.build(&Iteration::default(), cutting));
-        (0..20).map(|_| coupled.step(4e-3).expect("a step").agreement.expect("both")).last().expect("steps")
+        (0..20).map(|_| coupled.step(5e-3).expect("a step").agreement.expect("both")).last().expect("steps")
     };
     for cutting in [None, Some(Cutting { travel: 1e3, absorption: 1e3 })] {
         let off = solved(SchemeName::HenryFree, cutting);
@@ -171,7 +171,7 @@ fn a_step_after_one_that_did_not_agree_agrees() {
     };
     let once = || Iteration { tolerance: 1e-300, most: 1, ..Iteration::default() };
     let far = (0..2).map(|_| step(coupled, once())).last().expect("steps");
-    let tolerance = far.disagreement / 8.0;
+    let tolerance = far.disagreement / 4.0;
     assert!(tolerance > 1e-8, "{far:?} tests nothing");
     let next = step(coupled, Iteration { tolerance, ..Iteration::default() });
     assert!(next.converged && next.solves > 1, "{next:?} after {far:?}");
