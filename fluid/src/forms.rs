@@ -118,8 +118,8 @@ pub fn stabilisation_time(dt: f64, speed: f64, size: f64, diffusivity: f64, reac
 /// largest nodal exchange over `capacity` and the mean voidage; `capacity` is that of the fluid, the density for momentum.
 ///
 /// The largest, because where strong exchange begins the time of a cell with points on one side must be as short as inside.
-/// With a factor of 1 the pressure drop of a bed would depend on the step by 1.3 % at its ends; a much larger one would
-/// couple the pressures of neighbours less.
+/// With a factor of 1 the pressure at the ends of a bed would depend more on the step, and with a much larger one the
+/// pressures of neighbours would be coupled less.
 pub fn reaction<const B: usize>(exchange: [f64; B], capacity: f64, voidage: &[f64; B]) -> f64 {
     let largest = exchange.into_iter().fold(0.0, f64::max);
     4.0 * largest / (capacity * voidage.iter().sum::<f64>() / B as f64)

@@ -367,9 +367,7 @@ fn added_mass_slows_the_decay_of_slip_by_the_exact_factor() {
                 let report = slip_box.system.step(dt).expect("a step");
                 let factor = slip_box.slip() / before;
                 assert_relative_eq!(factor, (1.0 + q) / (1.0 + q + a + b), epsilon = 1e-6);
-                let defect = report.momentum_exchange_defect;
-                // In short steps m_a/dt outweighs drag, and all grains round alike: what is left of it is as much larger.
-                assert!(defect < Some(1e-12 + 1e-14 / share), "{scheme} {coefficient} {share}: {defect:?}");
+                assert!(report.momentum_exchange_defect < Some(1e-12), "{scheme}");
             }
         }
     }

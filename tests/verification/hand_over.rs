@@ -158,7 +158,7 @@ mesh.rectangle = { lower = [0.0, -1e-6], upper = [0.03, 0.06], size = 4e-3, side
         let scheme = format!("coupling.scheme={scheme:?}");
         let mut simulation =
             Simulation::new(&scene(&text, &[sets[0], sets[1], &scheme])).expect("a valid scene");
-        for _ in 0..60 {
+        for _ in 0..200 {
             simulation.step().unwrap_or_else(|error| panic!("{scheme}: {error}"));
         }
         fell.push(simulation.fastest());

@@ -141,7 +141,7 @@ fn run(effort: Effort) -> Result<Outcome> {
             0.015,
         ));
         let what = format!("spread over four decades of the step, {name}");
-        outcome.findings.push(Finding::at_most(what, "1", 1e-2, high - low));
+        outcome.findings.push(Finding::at_most(what, "1", 8e-3, high - low));
         drawn.push(Curve::joined(*name, shares));
     }
     let mesh = mesh(1.0, false)?;
