@@ -114,15 +114,20 @@ pub fn stabilisation_time(dt: f64, speed: f64, size: f64, diffusivity: f64, reac
     1.0 / rates.iter().map(|r| r * r).sum::<f64>().sqrt()
 }
 
+/// Voidage of the densest packing of equal spheres, 1 - pi/sqrt(18). Where it is less, an element lies inside a grain.
+const DENSEST: f64 = 0.259_519_5;
+
 /// Rate at which points exchange with the fluid of a cell, as it enters the stabilisation time, 1/s: four times their
 /// largest nodal exchange over `capacity` and the mean voidage; `capacity` is that of the fluid, the density for momentum.
 ///
 /// The largest, because where strong exchange begins the time of a cell with points on one side must be as short as inside.
 /// With a factor of 1 the pressure at the ends of a bed would depend more on the step, and with a much larger one the
-/// pressures of neighbours would be coupled less.
+/// pressures of neighbours would be coupled less. For the same reason the voidage counts as that of the densest packing at
+/// least: inside a grain the pressures would else part, and grains that touch would shake.
 pub fn reaction<const B: usize>(exchange: [f64; B], capacity: f64, voidage: &[f64; B]) -> f64 {
     let largest = exchange.into_iter().fold(0.0, f64::max);
-    4.0 * largest / (capacity * voidage.iter().sum::<f64>() / B as f64)
+    let voidage = voidage.iter().sum::<f64>() / B as f64;
+    4.0 * largest / (capacity * voidage.max(DENSEST))
 }
 
 impl<const D: usize> Stabilisation<D> {
@@ -285,10 +290,11 @@ fn mass_conservation<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, out:
 }
 
 /// -<f_p, v> - <phi v*, grad q>, sums over the pieces of the bodies in the cell, with
-/// f_p = V grad p - gamma (u - v*) and v* = b + a (gamma u - V grad p). The drag gamma (1 - a gamma) u of a piece acts on
-/// its nodes with their own velocities, sum_a phi_a(x) u_a . v_a, in place of u(x) . v(x). Both exchange the same force,
-/// because sum_a phi_a(x) u_a = u(x); but a piece in the middle of a cell would leave velocities without drag that
-/// alternate from node to node, and the flow would go round it.
+/// f_p = V grad p - gamma (u - v*) and v* = b + a (gamma u - V grad p). The drag gamma u of a piece acts on its nodes with
+/// their own velocities, sum_a phi_a(x) u_a . v_a, in place of u(x) . v(x). Both exchange the same force, because
+/// sum_a phi_a(x) u_a = u(x); but a piece in the middle of a cell would leave velocities without drag that alternate from
+/// node to node, and the flow would go round it. In v* the piece has u(x), as the grain: so the forces at the nodes are
+/// the same for all laws with which v* is the velocity that the grain gets.
 fn immersed_bodies<const D: usize, const B: usize>(
     cell: &Cell<'_, D, B>,
     bodies: &CellExchange<D, B>,
@@ -300,12 +306,10 @@ fn immersed_bodies<const D: usize, const B: usize>(
             out.rhs[a][i] += bodies.force[a][i];
         }
         out.rhs[a][D] += bodies.volume_flux.dot(&gradient[a]);
-        for i in 0..D {
-            out.matrix[a][a][i][i] += bodies.drag[a];
-        }
         for b in 0..B {
             let block = &mut out.matrix[a][b];
             for i in 0..D {
+                block[i][i] += bodies.drag[a][b];
                 block[i][D] += bodies.pressure[a] * gradient[b][i];
                 block[D][i] -= bodies.carried[b] * gradient[a][i];
             }

@@ -113,8 +113,8 @@ impl PointsByCell {
 /// Sums over the points in one cell of all that momentum and mass need, with the shape functions phi at the points.
 #[derive(Clone, Debug)]
 pub struct CellExchange<const D: usize, const B: usize> {
-    /// sum gamma (1 - a gamma) phi_a: the drag that the law leaves, summed on the diagonal.
-    pub drag: [f64; B],
+    /// sum gamma phi_a (delta_ab - a gamma phi_b): the drag, summed on the diagonal, less what the law gives back.
+    pub drag: [[f64; B]; B],
     /// sum V (a gamma - 1) phi_a.
     pub pressure: [f64; B],
     /// sum V a gamma phi_b, a of the equation of mass.
@@ -135,7 +135,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
         let mut inside = sorted.of(cell).peekable();
         inside.peek()?;
         let mut sum = Self {
-            drag: [0.0; B],
+            drag: [[0.0; B]; B],
             pressure: [0.0; B],
             carried: [0.0; B],
             diffusion: 0.0,
@@ -151,11 +151,12 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
             sum.diffusion += volume * carried;
             sum.volume_flux += points.flux_velocity[q] * volume;
             for a in 0..B {
-                sum.drag[a] += gamma * left * phi[a];
+                sum.drag[a][a] += gamma * phi[a];
                 sum.pressure[a] -= volume * left * phi[a];
                 sum.carried[a] += carried * gamma * phi[a];
                 sum.force[a] += points.velocity[q] * (gamma * phi[a]);
                 for b in 0..B {
+                    sum.drag[a][b] -= gamma * mobility * gamma * phi[a] * phi[b];
                     sum.solid[a][b] += volume * phi[a] * phi[b];
                 }
             }

@@ -98,8 +98,10 @@ pub struct Cell<const D: usize, const B: usize> {
 
 /// Sums over the points in one cell, with the shape functions phi at the points.
 pub struct CellScalar<const B: usize> {
-    /// sum h (1 - a h) phi_a phi_b.
+    /// sum h phi_a phi_b.
     exchange: [[f64; B]; B],
+    /// sum a h^2 phi_a phi_b: what the law gives back.
+    returned: [[f64; B]; B],
     /// sum h c phi_a.
     given: [f64; B],
 }
@@ -114,15 +116,16 @@ impl<const B: usize> CellScalar<B> {
     ) -> Option<Self> {
         let mut inside = sorted.of(cell).peekable();
         inside.peek()?;
-        let mut sum = Self { exchange: [[0.0; B]; B], given: [0.0; B] };
+        let mut sum = Self { exchange: [[0.0; B]; B], returned: [[0.0; B]; B], given: [0.0; B] };
         for q in inside {
             let phi = points.shape::<B>(q);
             let coefficient = columns.coefficient[q];
-            let slip = coefficient * (1.0 - columns.mobility[q] * coefficient);
+            let returned = columns.mobility[q] * coefficient * coefficient;
             for a in 0..B {
                 sum.given[a] += coefficient * columns.value[q] * phi[a];
                 for b in 0..B {
-                    sum.exchange[a][b] += slip * phi[a] * phi[b];
+                    sum.exchange[a][b] += coefficient * phi[a] * phi[b];
+                    sum.returned[a][b] += returned * phi[a] * phi[b];
                 }
             }
         }
@@ -193,7 +196,10 @@ pub fn assemble<const D: usize, const B: usize>(
     }
     if let Some(points) = &cell.exchange {
         let sums = points.exchange.map(|row| row.iter().sum());
-        let rows = on_diagonal(sums, points.exchange);
+        let mut rows = on_diagonal(sums, points.exchange);
+        for (row, returned) in rows.iter_mut().zip(&points.returned) {
+            row.iter_mut().zip(returned).for_each(|(entry, returned)| *entry -= returned);
+        }
         add(&rows, &points.given, out);
         if cell.density.is_none() {
             weigh(&rows, &points.given);

@@ -40,6 +40,12 @@ const MISTAKES: &[Mistake] = &[
         &["grains[0].raduis", "did you mean `radius`?"],
     ),
     mistake(
+        "a key of an earlier version",
+        ["[fluid.mesh", "[fluid.solver]\ndrag_in_stabilisation = true\n\n[fluid.mesh"],
+        "drag_in_stabilisation",
+        &["fluid.solver.drag_in_stabilisation", "delete the line"],
+    ),
+    mistake(
         "unknown table",
         ["[contacts]", "[kontakts]"],
         "[kontakts]",

@@ -18,6 +18,10 @@ import scipy.sparse as sp
 from .cells import Cells, Places, Terms
 from .solver import Fields, Floats, Motion, Points, Problem, Sources, Step
 
+DENSEST = 0.2595195
+"""Voidage of the densest packing of equal spheres, 1 - pi/sqrt(18), as in the Rust solver. Where it is less, an
+element lies inside a grain: a shorter stabilisation time would let the pressures there part."""
+
 
 def complete(problem: Problem, step: Step) -> Step:
     """The step with all that it may lack: no points, a mesh at rest, sources that are zero."""
@@ -76,11 +80,11 @@ class PointSums(Places):
         """Terms of the points in momentum and mass, their stabilisation included.
 
         -<f_p, v> - <phi v*, grad q>, and the weight of the fluid that the points displace, <phi w, v>;
-        ``weight`` are the nodal values of w = rho g (1 - sum beta (s - s_R)), (n, D). The drag that
-        the law leaves is summed on the diagonal. The tests xi (U . grad) v + (xi / rho) grad q weigh
-        the same forces as nodal fields. The fluid's own weight is then that of a cell without points:
-        with the voidage made of the points, as in V grad p, a fluid at rest between held points
-        solves the discrete equations.
+        ``weight`` are the nodal values of w = rho g (1 - sum beta (s - s_R)), (n, D). The drag
+        gamma u is summed on the diagonal, but v* has u at the point. The tests
+        xi (U . grad) v + (xi / rho) grad q weigh the same forces as nodal fields. The fluid's own
+        weight is then that of a cell without points: with the voidage made of the points, as in
+        V grad p, a fluid at rest between held points solves the discrete equations.
         """
         p, D = self.points, weight.shape[1]
         matrix, rhs = self.nothing(D + 1)
@@ -95,7 +99,7 @@ class PointSums(Places):
         for i in range(D):
             slope = self.rows(self.gradient[:, :, i], D, D + 1)
             test = self.rows(self.shape, i, D + 1)
-            matrix += sp.diags(test.T @ (left * p.drag))
+            matrix += sp.diags(test.T @ p.drag) - test.T @ sp.diags(p.mobility * p.drag**2) @ test
             matrix -= test.T @ sp.diags(left) @ volume @ slope
             matrix -= slope.T @ volume @ sp.diags(p.flux_mobility) @ (drag @ test - volume @ slope)
             rhs += test.T @ force[:, i] + slope.T @ flux[:, i]
@@ -115,8 +119,8 @@ class PointSums(Places):
         return matrix, rhs
 
     def scalar(self, k: int, xi_U: Floats, lumped: bool) -> Terms:
-        """-<q_p, S + xi U . grad S> of scalar k. If ``lumped``, the rows of -<q_p, S> are summed on
-        the diagonal, and xi U . grad S weighs the exchange as a nodal field."""
+        """-<q_p, S + xi U . grad S> of scalar k. If ``lumped``, h s in q_p is summed on the diagonal, but
+        s* has s at the point, and xi U . grad S weighs the exchange as a nodal field."""
         columns = self.points.scalars[k]
         if columns is None or not len(self.points.cell):
             return self.nothing()
@@ -131,7 +135,8 @@ class PointSums(Places):
         test = cells.rows(along)
         matrix = test.T @ cells.rows(share[:, None] * self._density(rate)[nodes])
         rhs = test.T @ (share * self._density(given)[nodes].sum(axis=1))
-        return matrix + sp.diags(value.T @ rate), rhs + value.T @ given
+        matrix += sp.diags(value.T @ h) - value.T @ sp.diags(columns.mobility * h**2) @ value
+        return matrix, rhs + value.T @ given
 
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law of the flux at the given fields, (n, D)."""

@@ -150,7 +150,7 @@ fn measure(depth: f64, does: Does, edge: f64) -> Result<(f64, f64)> {
 
 fn run(effort: Effort) -> Result<Outcome> {
     let mut outcome = Outcome::default();
-    let (edge, allowed) = effort.pick((0.1, 6e-2), (0.03, 3e-2));
+    let (edge, allowed) = effort.pick((0.04, 6e-2), (0.02, 3e-2));
     let depths: &[f64] = effort.pick(&[2.0], &[1.25, 1.5, 2.0, 3.0, 5.0, 10.0]);
     for &depth in depths {
         let exact = exact(depth);
