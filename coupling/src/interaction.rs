@@ -159,9 +159,10 @@ impl<const D: usize> Interaction<D> {
         }
         let got: Vector<D> = self.force.iter().sum();
         let scale: f64 = self.force.iter().map(|f| f.norm()).sum();
-        // Grains as fast as the fluid exchange the round-off of gamma u, the more the heavier the fluid that they carry.
-        let speed = self.load.drag.iter().zip(&self.at.velocity);
-        let through: f64 = speed.map(|(drag, u)| drag * u.norm()).sum();
+        // Grains as fast as the fluid exchange the round-off of gamma u and gamma v, the more the heavier the fluid that
+        // they carry.
+        let speeds = self.at.velocity.iter().zip(&self.load.velocity).map(|(u, b)| u.norm() + b.norm());
+        let through: f64 = self.load.drag.iter().zip(speeds).map(|(drag, speed)| drag * speed).sum();
         let defect = relative((got - force).norm(), scale.max(1e-3 * through));
         worse(&mut report.momentum_exchange_defect, defect);
         if let Some(columns) = &self.load.heat {

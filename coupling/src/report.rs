@@ -66,8 +66,8 @@ pub struct StepReport {
     /// The fluid solver; absent without.
     pub fluid: Option<voidage_fluid::flow::Report>,
     /// |impulse that the grains got - impulse that the fluid lost at its points - change of what is carried to the next
-    /// step| over the sum of |impulse| of the grains, or a thousandth of the drag that the fluid would exert on grains at
-    /// rest if that is more; with both only. The worst part of the step.
+    /// step| over the sum of |impulse| of the grains, or a thousandth of the sum of |gamma u| + |gamma v| if that is
+    /// more; with both only. The worst part of the step.
     pub momentum_exchange_defect: Option<f64>,
     /// The same for heat; with heat in both only.
     pub energy_exchange_defect: Option<f64>,

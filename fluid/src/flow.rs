@@ -8,7 +8,7 @@ use crate::forms::{self, Properties};
 use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
 use crate::mesh::Periodic;
-use crate::points::{CellExchange, PointDensity, Points, PointsByCell, ScalarDensity};
+use crate::points::{CellExchange, PointDensity, Points, PointsByCell};
 use crate::transport::{self, CellScalar, Form, Scalar};
 use crate::{Error, Mesh, Result, Vector, boundary};
 use serde::{Deserialize, Serialize};
@@ -100,8 +100,6 @@ struct Equation {
     /// The condition that prescribes the value of each node.
     holder: Vec<u32>,
     kept: KeptRows<1>,
-    /// The points of the step in hand as nodal fields, where the form has them in its residual.
-    density: Vec<ScalarDensity>,
 }
 
 /// The solver on one mesh; `B` is `D + 1`.
@@ -154,7 +152,6 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             solver: Solver::new(pattern.clone(), &mesh.points, numerics.scalars),
             holder: Vec::new(),
             kept: KeptRows::default(),
-            density: Vec::new(),
         };
         Ok(Self {
             system: System::new(pattern.clone()),
@@ -321,16 +318,12 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         conditions: &[Condition<D>],
         report: &mut Report,
     ) -> Result<()> {
-        let Equation { scalar, system, solver, holder, kept, density } = &mut self.scalars[k];
+        let Equation { scalar, system, solver, holder, kept } = &mut self.scalars[k];
         let (old, next) = (&self.state.scalars[k], &mut self.next.scalars[k]);
         let (geometry, sorted, state) = (&self.geometry, &self.sorted, &self.state);
         let wind = |node: usize| state.velocity[node] - geometry.velocity_of(node);
         let sources = self.sources.as_ref();
         let columns = points.and_then(|points| Some((points, points.scalars.get(k)?.as_ref()?)));
-        density.clear();
-        if let (Form::Lumped, Some((points, columns))) = (scalar.form, columns) {
-            ScalarDensity::fill(density, points, columns, geometry);
-        }
         self.assembler.assemble(system, |cell, out| {
             let node = geometry.nodes(cell);
             let cell = transport::Cell {
@@ -340,7 +333,6 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 old: node.map(|n| old[n]),
                 exchange: columns
                     .and_then(|(points, columns)| CellScalar::gather(points, columns, sorted, cell)),
-                density: (!density.is_empty()).then(|| node.map(|n| density[n])),
                 source: sources.map(|s| node.map(|n| s.scalars[k][n])),
             };
             transport::assemble(&cell, scalar, dt, out);

@@ -184,7 +184,7 @@ pub struct PointDensity<const D: usize> {
 }
 
 impl<const D: usize> PointDensity<D> {
-    /// Fills the fields, one value a node.
+    /// Fills the fields, one value a node, point after point. Nodes that are one have one sum.
     pub(crate) fn fill<const B: usize>(
         fields: &mut Vec<Self>,
         points: &Points<D>,
@@ -193,90 +193,34 @@ impl<const D: usize> PointDensity<D> {
     ) {
         let none = Vector::zeros();
         let zero = Self { volume: 0.0, left_volume: 0.0, drag: 0.0, left_drag: 0.0, force: none, flux: none };
-        let at = |q: usize, phi: &[f64; B]| {
-            let (cell, volume, drag) = (points.cell[q] as usize, points.volume[q], points.drag[q]);
+        fields.clear();
+        fields.resize(geometry.nodal_volume.len(), zero);
+        let periodic = &geometry.mesh.periodic;
+        for q in 0..points.len() {
+            let (cell, phi) = (points.cell[q] as usize, points.shape::<B>(q));
+            let nodes = geometry.nodes(cell);
             let (mut velocity, mut slope) = (Vector::<D>::zeros(), Vector::<D>::zeros());
-            for (a, node) in geometry.nodes(cell).into_iter().enumerate() {
+            for (a, &node) in nodes.iter().enumerate() {
                 velocity += state.velocity[node] * phi[a];
                 slope += geometry.elements[cell].gradient[a] * state.pressure[node];
             }
-            let forcing = velocity * drag - slope * volume;
+            let (volume, drag) = (points.volume[q], points.drag[q]);
             let left = 1.0 - points.mobility[q] * drag;
-            Self {
-                volume,
-                left_volume: volume * left,
-                drag,
-                left_drag: drag * left,
-                force: points.velocity[q] * drag,
-                flux: (points.flux_velocity[q] + forcing * points.flux_mobility[q]) * volume,
+            let forcing = velocity * drag - slope * volume;
+            let flux = (points.flux_velocity[q] + forcing * points.flux_mobility[q]) * volume;
+            for (a, &node) in nodes.iter().enumerate() {
+                let master = periodic.master(node as u32) as usize;
+                let (share, sum) = (phi[a] / geometry.nodal_volume[master], &mut fields[master]);
+                sum.volume += volume * share;
+                sum.left_volume += volume * left * share;
+                sum.drag += drag * share;
+                sum.left_drag += drag * left * share;
+                sum.force += points.velocity[q] * (drag * share);
+                sum.flux += flux * share;
             }
-        };
-        project(fields, zero, points, geometry, at, |sum, value, share| {
-            sum.volume += value.volume * share;
-            sum.left_volume += value.left_volume * share;
-            sum.drag += value.drag * share;
-            sum.left_drag += value.left_drag * share;
-            sum.force += value.force * share;
-            sum.flux += value.flux * share;
-        });
-    }
-}
-
-/// What points do to a scalar per volume, as [`PointDensity`].
-#[derive(Clone, Copy, Debug)]
-pub struct ScalarDensity {
-    /// h, W/m3/K for heat.
-    pub exchange: f64,
-    /// h (1 - a h): the exchange that the law leaves, W/m3/K for heat.
-    pub left: f64,
-    /// h c, W/m3 for heat.
-    pub given: f64,
-}
-
-impl ScalarDensity {
-    /// Fills the fields, one value a node.
-    pub(crate) fn fill<const D: usize, const B: usize>(
-        fields: &mut Vec<Self>,
-        points: &Points<D>,
-        columns: &PointScalar,
-        geometry: &Geometry<D, B>,
-    ) {
-        let zero = Self { exchange: 0.0, left: 0.0, given: 0.0 };
-        let at = |q: usize, _: &[f64; B]| {
-            let exchange = columns.coefficient[q];
-            let left = exchange * (1.0 - columns.mobility[q] * exchange);
-            Self { exchange, left, given: exchange * columns.value[q] }
-        };
-        project(fields, zero, points, geometry, at, |sum, value, share| {
-            sum.exchange += value.exchange * share;
-            sum.left += value.left * share;
-            sum.given += value.given * share;
-        });
-    }
-}
-
-/// Lumped projection of what `at(point, phi)` says of each point: `add(sum, value, phi_a / int phi_a)` at the nodes of
-/// its cell, point after point. Nodes that are one have one sum.
-fn project<const D: usize, const B: usize, T: Copy>(
-    fields: &mut Vec<T>,
-    zero: T,
-    points: &Points<D>,
-    geometry: &Geometry<D, B>,
-    at: impl Fn(usize, &[f64; B]) -> T,
-    add: impl Fn(&mut T, &T, f64),
-) {
-    fields.clear();
-    fields.resize(geometry.nodal_volume.len(), zero);
-    let periodic = &geometry.mesh.periodic;
-    for q in 0..points.len() {
-        let phi = points.shape::<B>(q);
-        let value = at(q, &phi);
-        for (a, node) in geometry.nodes(points.cell[q] as usize).into_iter().enumerate() {
-            let master = periodic.master(node as u32) as usize;
-            add(&mut fields[master], &value, phi[a] / geometry.nodal_volume[master]);
         }
+        periodic.mirror(fields);
     }
-    periodic.mirror(fields);
 }
 
 #[cfg(test)]

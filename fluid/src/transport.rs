@@ -12,8 +12,8 @@
 use crate::Vector;
 use crate::assembly::Local;
 use crate::element::{Element, weighted_load, weighted_mass};
-use crate::forms::{reaction, stabilisation_time};
-use crate::points::{PointScalar, Points, PointsByCell, ScalarDensity};
+use crate::forms::stabilisation_time;
+use crate::points::{PointScalar, Points, PointsByCell};
 
 /// A transported scalar: its name and coefficients.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -90,8 +90,6 @@ pub struct Cell<const D: usize, const B: usize> {
     pub old: [f64; B],
     /// The points in the cell.
     pub exchange: Option<CellScalar<B>>,
-    /// The points as nodal fields, also in cells without points, where the form has them in its residual.
-    pub density: Option<[ScalarDensity; B]>,
     /// Source per volume at the nodes (manufactured solutions).
     pub source: Option<[f64; B]>,
 }
@@ -178,21 +176,20 @@ pub fn assemble<const D: usize, const B: usize>(
         residual[b] += scalar.capacity * (load[b] / dt + carried.dot(&gradient[b]))
             - scalar.conductivity * measure * voidage_slope.dot(&gradient[b]);
     }
-    let mut weigh = |rows: &[[f64; B]; B], rhs: &[f64; B]| {
+    let mut add = |rows: &[[f64; B]; B], rhs: &[f64; B]| {
         for a in 0..B {
+            out.rhs[a][0] += rhs[a];
             residual_rhs += rhs[a];
             for b in 0..B {
+                out.matrix[a][b][0][0] += rows[a][b];
                 residual[b] += rows[a][b];
             }
         }
     };
-    let share = measure / B as f64;
     if let Some(wall) = scalar.thin_cell {
         let rows = plain.map(|row| row.map(|entry| wall.coefficient * entry));
-        let rows = on_diagonal([share * wall.coefficient; B], rows);
-        let rhs = [share * wall.coefficient * wall.value; B];
-        add(&rows, &rhs, out);
-        weigh(&rows, &rhs);
+        let share = wall.coefficient * measure / B as f64;
+        add(&on_diagonal([share; B], rows), &[share * wall.value; B]);
     }
     if let Some(points) = &cell.exchange {
         let sums = points.exchange.map(|row| row.iter().sum());
@@ -200,21 +197,11 @@ pub fn assemble<const D: usize, const B: usize>(
         for (row, returned) in rows.iter_mut().zip(&points.returned) {
             row.iter_mut().zip(returned).for_each(|(entry, returned)| *entry -= returned);
         }
-        add(&rows, &points.given, out);
-        if cell.density.is_none() {
-            weigh(&rows, &points.given);
-        }
-    }
-    if let Some(density) = &cell.density {
-        let rows = std::array::from_fn(|a| {
-            std::array::from_fn(|b| if a == b { share * density[a].left } else { 0.0 })
-        });
-        weigh(&rows, &density.map(|node| share * node.given));
+        add(&rows, &points.given);
     }
     if let Some(source) = &cell.source {
         let rhs = std::array::from_fn(|a| (0..B).map(|b| plain[a][b] * source[b]).sum());
-        add(&[[0.0; B]; B], &rhs, out);
-        weigh(&[[0.0; B]; B], &rhs);
+        add(&[[0.0; B]; B], &rhs);
     }
     for a in 0..B {
         out.rhs[a][0] += along[a] * residual_rhs;
@@ -224,28 +211,23 @@ pub fn assemble<const D: usize, const B: usize>(
     }
 }
 
-/// Adds rows and right-hand side of a cell.
-fn add<const B: usize>(rows: &[[f64; B]; B], rhs: &[f64; B], out: &mut Local<B, 1>) {
-    for a in 0..B {
-        out.rhs[a][0] += rhs[a];
-        for b in 0..B {
-            out.matrix[a][b][0][0] += rows[a][b];
-        }
-    }
-}
-
-/// xi_T U . grad phi_a with U the velocity at the centroid (A.9, A.12); zero where the values are kept monotone. Where
-/// the points are in the residual as fields, their exchange is in xi_T as drag is in that of momentum: a time longer than
-/// that of the exchange would make values swing from node to node behind the first hot grains.
+/// xi_T U . grad phi_a with U the velocity at the centroid (A.9, A.12); zero where the values are kept monotone. In the
+/// lumped form the exchange of the cell with its points is in xi_T: with a longer time values would swing where the
+/// exchange is strong. Only that of the cell, in its residual too: a share of that of its neighbours would take the upwind
+/// from the cell before the first hot grains, and values would swing there.
 fn upwind<const D: usize, const B: usize>(cell: &Cell<D, B>, scalar: &Scalar, dt: f64) -> [f64; B] {
     if scalar.form == Form::Monotone {
         return [0.0; B];
     }
     let direction = cell.velocity.iter().sum::<Vector<D>>() / B as f64;
     let diffusivity = scalar.conductivity / scalar.capacity;
-    let exchange = cell
-        .density
-        .map_or(0.0, |density| reaction(density.map(|node| node.exchange), scalar.capacity, &cell.voidage));
+    let exchange = match (&cell.exchange, scalar.form) {
+        (Some(points), Form::Lumped) => {
+            let fluid = weighted_load(cell.element.measure, &cell.voidage).iter().sum::<f64>();
+            points.exchange.as_flattened().iter().sum::<f64>() / (scalar.capacity * fluid)
+        }
+        _ => 0.0,
+    };
     let time = stabilisation_time(dt, direction.norm(), cell.element.size(), diffusivity, exchange);
     std::array::from_fn(|a| time * direction.dot(&cell.element.gradient[a]))
 }

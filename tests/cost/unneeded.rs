@@ -350,7 +350,7 @@ fn compare(name: &str, adds: &Added, with: &Counted, base: &Counted) {
 }
 
 /// Builds the scene and counts its first step, when the grains lie alike in all scenes, and the allocations of later
-/// ones, the fewest: a step in which the linear solver makes new factors has more.
+/// ones, the fewest: the more iterations the linear solver needs with the factors that it has kept, the more of them.
 fn count(scene: &Scene) -> Counted {
     let before = BYTES.load(Ordering::Relaxed);
     let mut simulation = Simulation::new(scene).expect("a valid scene");
@@ -372,7 +372,7 @@ fn count(scene: &Scene) -> Counted {
         simulation.step().expect("a step");
         CALLS.load(Ordering::Relaxed) - before
     };
-    let allocations = (0..4).map(|_| of_step()).min().unwrap_or_default();
+    let allocations = (0..8).map(|_| of_step()).min().unwrap_or_default();
     let phases = simulation.totals().phases.named().into_iter();
     let phases = phases.filter(|(_, seconds)| *seconds > 0.0).map(|(name, _)| name).collect();
     let grains = simulation.coupled().grains().map_or(0, |grains| grains.particles.len());

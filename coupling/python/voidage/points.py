@@ -61,20 +61,20 @@ class PointSums(Places):
         along = np.einsum("mi,mai->ma", xi_U, self.mesh.gradient)
         return Places(nodes, centroid, self.count), along
 
-    def _reaction(self, exchange: Floats, capacity: float, voidage: Floats) -> Floats:
-        """Rate at which points exchange with the fluid in a cell, 1/s, (m): four times the largest
-        nodal density of the exchange over capacity and mean voidage."""
-        largest = self._density(exchange)[self.mesh.masters].max(axis=1)
-        return 4 * largest / (capacity * self.mesh.mean(voidage))
-
     def drag_rate(self, density: float, voidage: Floats) -> Floats:
-        """What the drag adds to 1/xi, 1/s, (m)."""
-        return self._reaction(self.points.drag, density, voidage)
+        """What the drag adds to 1/xi, 1/s, (m): four times the largest nodal drag of a cell over
+        density and mean voidage, that of the densest packing at least."""
+        largest = self._density(self.points.drag)[self.mesh.masters].max(axis=1)
+        return 4 * largest / (density * np.maximum(self.mesh.mean(voidage), DENSEST))
 
     def exchange_rate(self, k: int, capacity: float, voidage: Floats) -> Floats | float:
-        """What the exchange of scalar k adds to 1/xi_T, 1/s, (m)."""
-        columns = self.points.scalars[k]
-        return 0.0 if columns is None else self._reaction(columns.coefficient, capacity, voidage)
+        """What the exchange of scalar k adds to 1/xi_T, 1/s, (m): that of the points in a cell over
+        the capacity of its fluid."""
+        columns, mesh = self.points.scalars[k], self.mesh
+        if columns is None:
+            return 0.0
+        exchange = np.bincount(self.points.cell, columns.coefficient, len(mesh.measure))
+        return exchange / (capacity * mesh.measure * mesh.mean(voidage))
 
     def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats) -> Terms:
         """Terms of the points in momentum and mass, their stabilisation included.
@@ -119,24 +119,18 @@ class PointSums(Places):
         return matrix, rhs
 
     def scalar(self, k: int, xi_U: Floats, lumped: bool) -> Terms:
-        """-<q_p, S + xi U . grad S> of scalar k. If ``lumped``, h s in q_p is summed on the diagonal, but
-        s* has s at the point, and xi U . grad S weighs the exchange as a nodal field."""
+        """-<q_p, S + xi U . grad S> of scalar k. If ``lumped``, h s in -<q_p, S> is summed on the
+        diagonal; s* has s at the point."""
         columns = self.points.scalars[k]
-        if columns is None or not len(self.points.cell):
+        if columns is None:
             return self.nothing()
         h, value = columns.coefficient, self.rows(self.shape)
-        rate, given = h * (1 - columns.mobility * h), h * columns.value
-        if not lumped:
-            along = np.einsum("qi,qai->qa", xi_U[self.points.cell], self.gradient)
-            test = self.rows(self.shape + along)
-            return test.T @ sp.diags(rate) @ value, test.T @ given
-        nodes, share = self.mesh.masters, self.mesh.measure / self.shape.shape[1]
-        cells, along = self._cells(xi_U)
-        test = cells.rows(along)
-        matrix = test.T @ cells.rows(share[:, None] * self._density(rate)[nodes])
-        rhs = test.T @ (share * self._density(given)[nodes].sum(axis=1))
-        matrix += sp.diags(value.T @ h) - value.T @ sp.diags(columns.mobility * h**2) @ value
-        return matrix, rhs + value.T @ given
+        along = np.einsum("qi,qai->qa", xi_U[self.points.cell], self.gradient)
+        test = self.rows(self.shape + along)
+        matrix = test.T @ sp.diags(h * (1 - columns.mobility * h)) @ value
+        if lumped:
+            matrix += sp.diags(value.T @ h) - value.T @ sp.diags(h) @ value
+        return matrix, test.T @ (h * columns.value)
 
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law of the flux at the given fields, (n, D)."""
