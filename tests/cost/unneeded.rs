@@ -372,7 +372,7 @@ fn count(scene: &Scene) -> Counted {
         simulation.step().expect("a step");
         CALLS.load(Ordering::Relaxed) - before
     };
-    let allocations = (0..8).map(|_| of_step()).min().unwrap_or_default();
+    let allocations = (0..12).map(|_| of_step()).min().unwrap_or_default();
     let phases = simulation.totals().phases.named().into_iter();
     let phases = phases.filter(|(_, seconds)| *seconds > 0.0).map(|(name, _)| name).collect();
     let grains = simulation.coupled().grains().map_or(0, |grains| grains.particles.len());
