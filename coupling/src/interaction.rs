@@ -25,6 +25,8 @@ pub struct Laws {
     pub heat: HeatTransfer,
     /// Added mass and lift.
     pub unsteady: Unsteady,
+    /// Width over which grains are spread in the fluid, in their diameters; 1: over themselves.
+    pub kernel: f64,
     /// Density of the fluid, kg/m3.
     pub density: f64,
     /// Viscosity of the fluid, Pa s.

@@ -88,8 +88,9 @@ impl<const D: usize> Mixture<D> {
     pub fn cut_grains(&mut self, report: &mut StepReport) -> Result<()> {
         let start = Instant::now();
         let (particles, fluid) = (&self.grains.particles, &self.fluid);
-        let Interaction { load, overlap: cutter, .. } = &mut self.interaction;
+        let Interaction { laws, load, overlap: cutter, .. } = &mut self.interaction;
         let GrainLoad { pieces, volume, .. } = load;
+        cutter.kernel = laws.kernel;
         cutter.cut(&fluid.mesh, &particles.position, &particles.radius, pieces, volume)?;
         let swallowed = self.cut_by_droplet();
         let (particles, fluid) = (&self.grains.particles, &self.fluid);

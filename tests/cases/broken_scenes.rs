@@ -351,6 +351,12 @@ const MISTAKES: &[Mistake] = &[
         &["henri", "henry", "explicit"],
     ),
     mistake(
+        "a kernel narrower than the grain",
+        ["scheme = \"iterated\"", "kernel = 0.5"],
+        "kernel",
+        &["coupling.kernel = 0.5", "from 1 to 20"],
+    ),
+    mistake(
         "added mass below nothing",
         ["scheme = \"iterated\"", "added_mass = -0.5"],
         "added_mass",

@@ -83,6 +83,11 @@ fn minimum_fluidisation(laws: &Laws, (diameter, density): (f64, f64), voidage: f
     slip * voidage
 }
 
+/// Width over which grains are spread, in their diameters.
+fn kernel(scene: &Scene) -> f64 {
+    scene.coupling.as_ref().map_or(1.0, |coupling| coupling.kernel)
+}
+
 /// Through how much a boundary lets a velocity in, as a share of what it would if it stood across, and the length of
 /// the boundary, m.
 fn inward(mesh: &Mesh<2>, name: &str, velocity: &Vector<2>) -> Option<(f64, f64)> {
@@ -289,6 +294,14 @@ impl Sizes {
                     Short(edge / diameter)
                 );
                 self.odd("fluid.mesh", what);
+            } else if edge < diameter && grains.len() > 1 && kernel(scene) < 2.0 {
+                let what = format!(
+                    "is {} where elements are {} diameters of the largest grain wide: the drag law sees grain and gap \
+                     apart, and beds resist too much; 2 spreads grains over what it is a mean of (cases/choosing.md)",
+                    kernel(scene),
+                    Short(edge / diameter)
+                );
+                self.odd("coupling.kernel", what);
             }
             for (i, boundary) in fluid.boundaries.iter().enumerate() {
                 if let Some(share) = unguarded(scene, mesh, boundary, diameter).filter(|share| *share > 0.5) {

@@ -178,6 +178,7 @@ impl FluidSet {
             voidage_function: VoidageFunction::None,
             heat: HeatTransfer::RanzMarshall,
             unsteady: Unsteady::default(),
+            kernel: 1.0,
             density: self.properties.density,
             viscosity: self.properties.viscosity,
             thermal,

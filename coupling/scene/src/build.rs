@@ -117,6 +117,7 @@ fn laws(coupling: &scene::Coupling, grains: &Dem<2>, described: &scene::Fluid) -
         voidage_function: coupling.voidage_function,
         heat: coupling.heat.unwrap_or_default(),
         unsteady: Unsteady { added_mass: coupling.added_mass, lift: coupling.lift },
+        kernel: coupling.kernel,
         density: described.density,
         viscosity: described.viscosity,
         thermal: heat.map(|heat| ThermalFluid {
@@ -272,6 +273,7 @@ fn grains(scene: &Scene, placing: &mut Placing<'_>) -> Result<Dem<2>> {
         all.heat = Some(heat);
     }
     scene.check_apart(&all)?;
+    scene.check_kernel(&all)?;
     if contacts.rotation {
         all = all.rotating();
         if let Some(rotation) = &mut all.rotation {

@@ -37,6 +37,7 @@ pub(crate) const LAWS: &[&str] = &[
     "coupling.drag",
     "coupling.voidage_function",
     "coupling.heat",
+    "coupling.kernel",
     "coupling.added_mass",
     "coupling.lift",
     "fluid.boundaries.*.flow",

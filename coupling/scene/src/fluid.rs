@@ -310,6 +310,10 @@ pub struct Coupling {
     /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatTransfer>,
+    /// Width over which the fluid meets a grain, in diameters of the grain: its solid, drag and heat are spread over a
+    /// disc so wide. At least 1, the grain itself. Beds with elements smaller than a grain need 2, since a law of drag
+    /// is a mean over grains and gaps. Default 1.
+    pub kernel: f64,
     /// Added mass of a grain over the mass of the fluid that it displaces: 0.5 for spheres, 1 for long cylinders. It
     /// matters where the fluid is not much lighter than the grains. Not for the scheme `"explicit"`, which knows no
     /// acceleration of the grains, and not beside a droplet. Default 0.
@@ -334,6 +338,7 @@ impl Default for Coupling {
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,
             heat: None,
+            kernel: 1.0,
             added_mass: 0.0,
             lift: None,
             cohesion_below: BTreeMap::new(),

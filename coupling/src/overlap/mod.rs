@@ -33,6 +33,10 @@ pub fn disc_in_triangle(triangle: [[f64; 2]; 3], radius: f64) -> f64 {
 #[derive(Debug, Default)]
 pub struct Overlap<const D: usize> {
     locator: Locator<D>,
+    /// Width over which grains are spread, in their diameters; up to 1 it is the grain itself. A wider disc around the
+    /// same centre is cut into pieces then, and the shares of the grain are those of this disc; how much of the grain
+    /// lies in the mesh is still told by the grain itself.
+    pub kernel: f64,
     /// The cell of each grain's centre when last seen. It makes the search short and changes no result.
     hints: Vec<u32>,
     chunks: Vec<Chunk<D>>,
@@ -107,7 +111,8 @@ impl<const D: usize> Overlap<D> {
     ///
     /// `inside` gets the share of each grain that lies in the mesh; the shares of its pieces are shares of that. Of a
     /// grain cut in two by a thin wall the part with the centre counts. A grain wholly outside has no pieces, and is
-    /// one of [`Self::outside`].
+    /// one of [`Self::outside`]. With a [kernel](Self::kernel) the pieces are
+    /// those of wider discs.
     pub fn cut(
         &mut self,
         mesh: &Mesh<D>,
@@ -125,13 +130,13 @@ impl<const D: usize> Overlap<D> {
         let threads = rayon::current_num_threads().max(1);
         self.scratch.resize_with(threads.max(self.scratch.len()), Mutex::default);
 
-        let (locator, scratch) = (&self.locator, &self.scratch);
+        let (locator, kernel, scratch) = (&self.locator, self.kernel, &self.scratch);
         let grains =
             self.hints.par_chunks_mut(CHUNK).zip(positions.par_chunks(CHUNK)).zip(radii.par_chunks(CHUNK));
         self.chunks.par_iter_mut().zip(grains).for_each(|(chunk, ((hints, positions), radii))| {
             let thread = rayon::current_thread_index().unwrap_or(0) % scratch.len();
             let mut scratch = scratch[thread].lock().unwrap_or_else(PoisonError::into_inner);
-            chunk.cut(mesh, locator, &mut scratch, hints, positions, radii);
+            chunk.cut(mesh, (locator, kernel), &mut scratch, hints, positions, radii);
         });
         Ok(self.gather(pieces, inside))
     }
@@ -196,7 +201,7 @@ impl<const D: usize> Chunk<D> {
     fn cut(
         &mut self,
         mesh: &Mesh<D>,
-        locator: &Locator<D>,
+        (locator, kernel): (&Locator<D>, f64),
         scratch: &mut Scratch,
         hints: &mut [u32],
         positions: &[Vector<D>],
@@ -217,13 +222,17 @@ impl<const D: usize> Chunk<D> {
                 at_boundary = scratch.spread(mesh, locator.neighbours(), start, centre, radius);
             }
             let total: f64 = scratch.parts.iter().map(|part| part.area).sum();
+            let mut spread = total;
             if total <= 0.0 {
                 self.outside.push(i as u32);
                 scratch.parts.clear();
+            } else if kernel > 1.0 {
+                scratch.spread(mesh, locator.neighbours(), *hint, centre, radius * kernel);
+                spread = scratch.parts.iter().map(|part| part.area).sum();
             }
             for part in &scratch.parts {
                 self.pieces.cell.push(part.cell);
-                self.pieces.share.push(part.area / total);
+                self.pieces.share.push(part.area / spread);
                 self.pieces.coordinate.push(Vector::from_fn(|k, _| part.coordinate[k]));
             }
             // Here the ends of the grains, from the first on: `gather` puts the zero before them.

@@ -19,6 +19,34 @@ fn square(size: f64) -> Mesh<2> {
     .unwrap()
 }
 
+/// A grain that is spread has the pieces of the wider disc; near a wall all of it stays in the mesh, and where a boundary
+/// cuts the grain itself, its own share does. Outside it has none.
+#[test]
+fn a_spread_grain_has_the_pieces_of_a_wider_disc() {
+    let mesh = square(0.1);
+    let places = [[0.5, 0.5], [0.07, 0.5], [0.0, 0.5], [-0.1, 0.5]].map(Vector::<2>::from);
+    let cut = |kernel: f64, radius: f64| {
+        let mut cutter = Overlap::new(&mesh).unwrap();
+        cutter.kernel = kernel;
+        let (mut pieces, mut inside) = (Pieces::default(), vec![]);
+        cutter.cut(&mesh, &places, &[radius; 4], &mut pieces, &mut inside).unwrap();
+        (pieces, inside, cutter.outside().to_vec())
+    };
+    let ((spread, inside, outside), (wide, ..)) = (cut(3.0, 0.0625), cut(1.0, 0.1875));
+    for grain in 0..3 {
+        assert_eq!(spread.cell[spread.of(grain)], wide.cell[wide.of(grain)]);
+        assert_relative_eq!(spread.share[spread.of(grain)].iter().sum::<f64>(), 1.0, epsilon = 1e-14);
+        for (a, b) in spread.of(grain).zip(wide.of(grain)) {
+            assert_eq!(spread.share[a], wide.share[b]);
+        }
+    }
+    assert_eq!(inside[..2], [1.0, 1.0]);
+    assert_relative_eq!(inside[2], 0.5, epsilon = 1e-12);
+    assert!(inside[3] == 0.0 && outside == [3] && spread.of(3).is_empty());
+    let itself = cut(1.0, 0.0625);
+    assert_eq!(cut(0.0, 0.0625).0.share, itself.0.share);
+}
+
 /// Area and moment of the part of the unit disc in a triangle by integration over x: between the kinks (corners,
 /// crossings, ends of the disc) the integrand is smooth but for square roots at the ends of the disc, which the
 /// substitution x = m - w cos(t) removes.

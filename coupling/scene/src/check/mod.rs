@@ -105,6 +105,7 @@ pub(super) fn values(scene: &Scene) -> Checked {
     }
     if let Some(coupling) = &scene.coupling {
         iteration(scene, &coupling.iteration)?;
+        within(scene, "coupling.kernel", coupling.kernel, 1.0, 20.0)?;
         within(scene, "coupling.added_mass", coupling.added_mass, 0.0, 100.0)?;
         if coupling.added_mass > 0.0 && coupling.scheme == SchemeName::Explicit {
             let message = "`coupling.added_mass` is there, and the scheme \"explicit\" knows no acceleration of the grains";

@@ -9,6 +9,30 @@ use voidage_dem::{Particles, Period, Vector};
 const LEFT_BY_SETTLING: f64 = 0.25;
 
 impl Scene {
+    /// Checks that what a grain is spread over meets its image over periodic sides nowhere.
+    pub(crate) fn check_kernel(&self, grains: &Particles<2>) -> Result<(), Error> {
+        let kernel = self.coupling.as_ref().map_or(1.0, |coupling| coupling.kernel);
+        let Some(periodic) = self.periodic.as_ref().filter(|_| kernel > 1.0) else { return Ok(()) };
+        let to_come = self.grains.iter().filter_map(|group| Some(group.radius.as_ref()?.largest()));
+        let radius = grains.radius.iter().copied().chain(to_come).fold(0.0, f64::max);
+        for (_, name, [low, high]) in periodic.axes() {
+            let most = (high - low) / (4.0 * radius);
+            if kernel > most {
+                let path = format!("`coupling.kernel = {kernel}`");
+                let message = format!(
+                    "{path}: the largest grain, of radius {radius} m, would be spread over more than half of \
+                     `periodic.{name}`"
+                );
+                return Err(self.error(
+                    "coupling.kernel",
+                    message,
+                    format!("at most {most:.3}, or a wider domain"),
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// Checks that grains of different groups do not overlap once all have been placed, and that no wall cuts one
     /// (placement keeps the grains of a group apart). The error points at the group.
     pub(crate) fn check_apart(&self, grains: &Particles<2>) -> Result<(), Error> {
