@@ -5,9 +5,10 @@
 //! the fluid that it exchanges has a coefficient h and the law `s* = c + a h s`. The fluid knows no more: which points
 //! make up a body, and why its law is as it is, is the business of the caller.
 //!
-//! The Galerkin terms are sums over the points ([`CellExchange`]). The residuals inside the stabilisation take the points
-//! as fields instead ([`PointDensity`]): nodal momentum makes the nodal means of the residual vanish, but not the residual
-//! of a cell where points differ from cell to cell, and what is left would drive a flow in the equation of mass.
+//! The Galerkin terms are sums over the points ([`CellExchange`]). The residual of momentum in the stabilisation takes
+//! the points as fields instead ([`PointDensity`]): nodal momentum makes the nodal means of the residual vanish, but not
+//! the residual of a cell where points differ from cell to cell, and what is left would drive a flow in the equation of
+//! mass.
 
 use crate::Vector;
 use crate::flow::State;

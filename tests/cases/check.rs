@@ -198,3 +198,25 @@ fn a_gmsh_mesh_is_read() {
         assert!(said.contains("bed.msh"), "{said}");
     }
 }
+
+/// Elements smaller than a grain see it apart from its gap, also where they are much smaller.
+#[test]
+fn elements_smaller_than_grains_ask_for_a_kernel() {
+    let folder = folder(BED);
+    for size in ["8e-4", "4e-4"] {
+        let fine = format!("fluid.mesh.rectangle.size={size}");
+        let (_, printed, said) = check(folder.path(), &[&fine]);
+        assert!(printed.contains("`coupling.kernel`"), "{printed}{said}");
+        let (_, printed, said) = check(folder.path(), &[&fine, "coupling.kernel=2"]);
+        assert!(!printed.contains("`coupling.kernel`"), "{printed}{said}");
+    }
+}
+
+/// Spread over more than half of a period, a grain would meet its own image, and a part of it would be lost.
+#[test]
+fn a_grain_is_not_spread_over_its_own_image() {
+    let folder = folder(include_str!("../python/scenes/periodic-box.toml"));
+    let (code, _, said) = check(folder.path(), &["coupling.kernel=20"]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("coupling.kernel = 20") && said.contains("at most"), "{said}");
+}

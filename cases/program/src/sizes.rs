@@ -294,7 +294,8 @@ impl Sizes {
                     Short(edge / diameter)
                 );
                 self.odd("fluid.mesh", what);
-            } else if edge < diameter && grains.len() > 1 && kernel(scene) < 2.0 {
+            }
+            if edge < diameter && grains.len() > 1 && kernel(scene) < 2.0 {
                 let what = format!(
                     "is {} where elements are {} diameters of the largest grain wide: the drag law sees grain and gap \
                      apart, and beds resist too much; 2 spreads grains over what it is a mean of (cases/choosing.md)",

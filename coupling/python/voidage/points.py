@@ -7,7 +7,7 @@ at its place. It exchanges with the fluid
     q_p = -h (s - s*),                 s* = c + a h s of each scalar s.
 
 In the equation of mass the solid flux phi v* has a law v* of its own. The Galerkin terms are sums over
-the points; the residuals inside the stabilisation take them as nodal fields.
+the points; the residual of momentum inside the stabilisation takes them as nodal fields.
 """
 
 from dataclasses import replace
