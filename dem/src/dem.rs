@@ -1,5 +1,6 @@
 //! The simulation: state, and one step.
 
+use crate::energy::Energy;
 use crate::error::{Error, Result};
 use crate::heat::Conductor;
 use crate::laws::Laws;
@@ -49,6 +50,7 @@ pub struct Dem<const D: usize> {
     wall_torque: Vec<f64>,
     mean_velocity: Vec<Vector<D>>,
     mean_temperature: Vec<f64>,
+    energy: Energy,
     saved: Saved<D>,
     placed: Vec<Placed<D>>,
     search: Search<D>,
@@ -78,6 +80,7 @@ impl<const D: usize> Default for Dem<D> {
             wall_torque: vec![],
             mean_velocity: vec![],
             mean_temperature: vec![],
+            energy: Energy::default(),
             saved: Saved::default(),
             placed: vec![],
             search: Search::default(),
@@ -207,6 +210,9 @@ impl<const D: usize> Dem<D> {
             // For their buffers: all in them is made anew.
             (self.search, self.problem, self.conductor) = (last.search, last.problem, last.conductor);
         }
+        if self.settings.energy && self.energy.start.is_none() {
+            self.energy.start = Some(self.particles.kinetic_energy());
+        }
         let mut report = StepReport { converged: true, ..StepReport::default() };
         let (start, mut left) = (self.time, dt);
         loop {
@@ -332,12 +338,18 @@ impl<const D: usize> Dem<D> {
         self.conductor.conductance()
     }
 
+    /// The budget of mechanical energy; zeros unless [`Settings::energy`] asks for it.
+    pub fn energy(&self) -> &Energy {
+        &self.energy
+    }
+
     /// Saves the state of the grains, to come back to by [`Self::rewind`] after a step on trial.
     pub fn save(&mut self) {
         let aged = self.settings.cohesion.is_some();
         self.saved.save(self.time, &self.particles, aged.then_some(&self.memory));
         self.saved.contact_force.clone_from(&self.contact_force);
         self.saved.contact_heat.clone_from(&self.contact_heat);
+        self.saved.energy = self.energy;
     }
 
     /// Back to the last [`Self::save`]. The impulses stay those of the step on trial: the next one starts warm from
@@ -346,6 +358,7 @@ impl<const D: usize> Dem<D> {
         self.time = self.saved.restore(&mut self.particles, &mut self.memory);
         self.contact_force.clone_from(&self.saved.contact_force);
         self.contact_heat.clone_from(&self.saved.contact_heat);
+        self.energy = self.saved.energy;
     }
 
     /// Puts the means over several steps, that together were one, in the place of [`Self::wall_force`] (N),

@@ -1,5 +1,6 @@
 //! Grains as they were before a step on trial.
 
+use crate::energy::Energy;
 use crate::memory::Memory;
 use crate::{Particles, Vector};
 
@@ -16,6 +17,8 @@ pub(crate) struct Saved<const D: usize> {
     pub contact_force: Vec<Vector<D>>,
     /// The same, W.
     pub contact_heat: Vec<f64>,
+    /// The budget of energy.
+    pub energy: Energy,
     /// With cohesion only: contacts have ages, which a step on trial must not count.
     memory: Option<Memory<D>>,
 }

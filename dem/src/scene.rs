@@ -5,6 +5,7 @@ use crate::contact::Contact;
 use crate::laws::{self, Law, Laws};
 use crate::memory::WALL;
 use crate::parallel;
+use crate::passing::{Side, passed, passed_wall};
 use crate::rolling::Rolling;
 use crate::space::Vector;
 use crate::walls::{Placed, Wall};
@@ -169,6 +170,22 @@ impl<const D: usize> Scene<'_, D> {
         }
     }
 
+    /// Whether anything rebounds.
+    pub fn has_restitution(&self) -> bool {
+        let of_pairs = self.settings.pairs.iter().any(|pair| pair.restitution.is_some_and(|e| e > 0.0));
+        let of_grains = self.materials.iter().any(|material| material.restitution > 0.0);
+        of_pairs || of_grains || self.walls.iter().any(|wall| wall.restitution > 0.0)
+    }
+
+    /// Restitution between grain i and grain j, or the wall of number `j` less [`WALL`].
+    pub fn restitution(&self, i: u32, j: u32) -> f64 {
+        let material = |i: u32| self.particles.material[i as usize];
+        match j & WALL {
+            0 => self.law_between(material(i), material(j))[0],
+            _ => self.law_at(j & !WALL, material(i))[0],
+        }
+    }
+
     pub fn sticky(&self, i: u32) -> bool {
         self.load.cohesive.get(i as usize).copied().unwrap_or(true)
     }
@@ -209,10 +226,17 @@ impl<const D: usize> Scene<'_, D> {
         let normal = if distance > 0.0 { arm / distance } else { crate::space::first_axis() };
         let gap = distance - p.radius[i] - p.radius[j];
         let (a, b) = (p.material[i], p.material[j]);
-        let before = (p.velocity[j] - p.velocity[i]).dot(&normal);
+        let way = self.free_way(slots, bodies);
+        let side = Side { normal, gap }.unless_missed(&way, || passed(&arm, &way, p.radius[i] + p.radius[j]));
+        let before = (p.velocity[j] - p.velocity[i]).dot(&side.normal);
         let law = self.law_between(a, b);
-        let contact = self.contact(slots, normal, gap, before, law, bodies);
+        let contact = self.contact(slots, side, before, law, bodies);
         (contact, gap)
+    }
+
+    /// How far the second body goes past the first in the sub-step if no contact does anything.
+    fn free_way(&self, [i, j]: [u32; 2], bodies: &Bodies<D>) -> Vector<D> {
+        (bodies.velocity(j as usize) - bodies.velocity(i as usize)) * self.h
     }
 
     /// The image of a point that may touch a wall.
@@ -242,9 +266,13 @@ impl<const D: usize> Scene<'_, D> {
         let distance = arm.norm();
         let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
         let gap = distance - p.radius[i];
-        let before = (bodies.velocity(slots[1] as usize) - p.velocity[i]).dot(&normal);
+        let way = self.free_way(slots, bodies);
+        let endless = self.settings.period.spans(&placed.points);
+        let missed = || if endless { None } else { passed_wall(placed, &centre, &way, p.radius[i]) };
+        let side = Side { normal, gap }.unless_missed(&way, missed);
+        let before = (bodies.velocity(slots[1] as usize) - p.velocity[i]).dot(&side.normal);
         let law = self.law_at(w, p.material[i]);
-        let contact = self.contact(slots, normal, gap, before, law, bodies);
+        let contact = self.contact(slots, side, before, law, bodies);
         (contact, gap)
     }
 
@@ -253,8 +281,7 @@ impl<const D: usize> Scene<'_, D> {
     fn contact(
         &self,
         [i, j]: [u32; 2],
-        normal: Vector<D>,
-        gap: f64,
+        Side { normal, gap }: Side<D>,
         before: f64,
         [restitution, friction, _]: Law,
         bodies: &Bodies<D>,

@@ -308,6 +308,12 @@ impl<const D: usize> Search<D> {
         if j < n { self.grid.grain_of[j] } else { WALL + self.touches[j - n].wall }
     }
 
+    /// Both sides of a contact by number: a grain, and a grain or `WALL` + number.
+    pub fn between(&self, problem: &Problem<D>, contact: usize) -> [u32; 2] {
+        let c = &problem.contacts[contact];
+        [self.grid.grain_of[c.i as usize], self.partner(c)]
+    }
+
     /// Grain, partner, normal and force on the partner of the contacts that carry one.
     pub fn forces<'a>(
         &'a self,

@@ -64,6 +64,8 @@ pub struct Settings<const D: usize> {
     pub pairs: Vec<Pair>,
     /// Periodic sides: grains that leave at one side come in at the other, and meet across them.
     pub period: Period<D>,
+    /// Whether the budget of mechanical energy is kept ([`Dem::energy`](crate::Dem::energy)).
+    pub energy: bool,
 }
 
 /// Coefficients between a material and another one, or a wall.
@@ -108,6 +110,7 @@ impl<const D: usize> Default for Settings<D> {
             cohesion: None,
             pairs: vec![],
             period: Period::default(),
+            energy: false,
         }
     }
 }
@@ -225,6 +228,9 @@ pub struct StepReport {
     pub converged: bool,
     /// Sub-steps repeated because a grain became faster than the search for its contacts had assumed.
     pub repeats: usize,
+    /// Energy that rebounds would have left to grains which hit a second body within a sub-step, and that they lost, J:
+    /// an impact is seen where a body approaches at the start of the sub-step.
+    pub missed_rebounds: f64,
     /// Mean heat from the walls to the grains, W.
     pub wall_heat: f64,
     /// Iterations of the implicit heat equation, all sub-steps together.
@@ -246,6 +252,7 @@ impl StepReport {
             max_penetration_over_radius: deepest.max_penetration_over_radius,
             deepest: deepest.deepest,
             runaway: first.runaway.or(self.runaway),
+            missed_rebounds: first.missed_rebounds + self.missed_rebounds,
             ..self
         }
     }

@@ -354,7 +354,7 @@ impl<const D: usize> Problem<D> {
 
 /// The smaller radius of a contact, m; walls have none.
 #[inline(always)]
-fn smaller<const D: usize>(radius: &[f64], c: &Contact<D>) -> f64 {
+pub(crate) fn smaller<const D: usize>(radius: &[f64], c: &Contact<D>) -> f64 {
     let of = |slot: u32| radius.get(slot as usize).copied().unwrap_or(f64::INFINITY);
     of(c.i).min(of(c.j))
 }

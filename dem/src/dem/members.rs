@@ -15,6 +15,10 @@ impl<const D: usize> Dem<D> {
     /// # Panics
     /// If there are not as many marks as grains.
     pub fn retain(&mut self, keep: &[bool]) {
+        if self.settings.energy {
+            let gone = (0..keep.len()).filter(|i| !keep[*i]);
+            self.energy.passed -= gone.map(|i| self.particles.kinetic_energy_of(i)).sum::<f64>();
+        }
         self.particles.retain(keep);
         self.memory.retain(keep);
         retain(&mut self.contact_force, keep);
@@ -41,6 +45,9 @@ impl<const D: usize> Dem<D> {
         let heat = alike(more.heat.is_some(), self.particles.heat.is_some());
         if !heat || !alike(more.rotation.is_some(), self.particles.rotation.is_some()) {
             return Err(Error::Scene("grains that are added carry heat and spin as the others do".into()));
+        }
+        if self.settings.energy {
+            self.energy.passed += more.kinetic_energy();
         }
         let id = more.id.clone();
         let before = self.particles.len();

@@ -1,8 +1,10 @@
 //! The end of a sub-step: velocities from impulses, and the grains moved.
 
 use super::Dem;
+use crate::energy;
 use crate::memory::WALL;
 use crate::penetration::Moved;
+use crate::rebound;
 use crate::repair;
 use crate::scene::Scene;
 use crate::search::Search;
@@ -26,7 +28,9 @@ impl<const D: usize> Dem<D> {
         let scene = self.scene(h, load);
         scene.set_free(&search.grid.grain_of, &problem.bodies);
         problem.apply_impulses();
-        let (repair, outcome) = match repair::needed(&problem) {
+        rebound::limit(&mut problem, &scene, &search.grid.grain_of);
+        report.missed_rebounds += rebound::missed(&problem, &scene, |k| search.between(&problem, k));
+        let (mut repair, outcome) = match repair::needed(&problem) {
             true => {
                 repair::repair(&mut problem, &scene, &search.grid.grain_of, &self.stopping([h, step], load))
             }
@@ -34,7 +38,17 @@ impl<const D: usize> Dem<D> {
         };
         let scene = Scene { rest: self.settings.rest_within(error), ..scene };
         problem.mark_near_moving(|bodies, moving| scene.mark_moving(&search.grid.grain_of, bodies, moving));
+        let solved = if self.settings.energy { problem.bodies.state() } else { vec![] };
         scene.stop_resting(&search.grid.grain_of, &problem.bodies, &problem.moving);
+        for (slot, repair) in repair.iter_mut().enumerate() {
+            let i = search.grid.grain_of[slot] as usize;
+            *repair = (*repair * h).cap_magnitude(self.settings.max_travel * self.particles.radius[i]);
+        }
+        if self.settings.energy {
+            let mut sum = self.energy;
+            energy::add(&mut sum, &scene, &search, &problem, &solved, &repair);
+            self.energy = sum;
+        }
         report.sweeps += outcome.sweeps;
         report.work += outcome.work;
         for (slot, &i) in search.grid.grain_of.iter().enumerate() {
@@ -43,8 +57,7 @@ impl<const D: usize> Dem<D> {
             self.particles.velocity[i] = v;
             self.particles.position[i] += v * h;
             if let Some(repair) = repair.get(slot) {
-                let most = self.settings.max_travel * self.particles.radius[i];
-                self.particles.position[i] += (repair * h).cap_magnitude(most);
+                self.particles.position[i] += repair;
             }
             if let Some(mean) = self.mean_velocity.get_mut(i) {
                 *mean += v * h;

@@ -1,6 +1,7 @@
 //! What a restart needs, bit for bit.
 
 use super::{ContactForce, Dem, Partner};
+use crate::energy::Energy;
 use crate::error::{Error, Result};
 use crate::memory::{Memory, WALL};
 use crate::{Particles, Vector};
@@ -19,6 +20,7 @@ pub struct State<const D: usize> {
     wall_force: Vec<Vector<D>>,
     wall_heat: Vec<f64>,
     wall_torque: Vec<f64>,
+    energy: Energy,
 }
 
 impl<const D: usize> State<D> {
@@ -40,6 +42,7 @@ impl<const D: usize> State<D> {
             ("torques on walls", heat(walls)(self.wall_torque.len()) && finite(&self.wall_torque)),
             ("contacts", self.memory.fits(grains, walls)),
             ("time", self.time.is_finite()),
+            ("energies", self.energy.terms().iter().all(|(_, term)| term.is_finite())),
         ];
         match columns.iter().find(|(_, good)| !good) {
             Some((name, _)) => {
@@ -74,6 +77,7 @@ impl<const D: usize> Dem<D> {
             wall_force: self.wall_force.clone(),
             wall_heat: self.wall_heat.clone(),
             wall_torque: self.wall_torque.clone(),
+            energy: self.energy,
         }
     }
 
@@ -103,6 +107,7 @@ impl<const D: usize> Dem<D> {
         self.wall_force = state.wall_force;
         self.wall_heat = state.wall_heat;
         self.wall_torque = state.wall_torque;
+        self.energy = state.energy;
         Ok(())
     }
 }
