@@ -169,6 +169,13 @@ impl<const D: usize> Grid<D> {
 
     /// Origin, width of cells and number of levels; at most about two cells per grain.
     fn choose_cells(&mut self, position: &[Vector<D>], finest: f64, coarsest: f64) {
+        if position.is_empty() {
+            // No grain gives a width: one cell, wherever walls are.
+            (self.origin, self.inverse, self.levels) = (Vector::zeros(), 1.0, 1);
+            self.dims.clear();
+            self.dims.resize(D, 1);
+            return;
+        }
         let (mut low, mut high) = robust_box(position);
         for axis in 0..D {
             if let Some(sides) = self.period.sides()[axis] {

@@ -369,7 +369,8 @@ pub struct RandomBox {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GrainsFile {
-    /// CSV file with a header, path relative to the scene: columns `x,y` and `r` (m), and optionally `vx,vy` (m/s) and
-    /// `T` (K), which are then used instead of the values of the group.
+    /// CSV file with a header, path relative to the scene: columns `x,y` and `r` (m), and optionally `vx,vy` (m/s), `T`
+    /// (K), `spin` (rad/s), `density` (kg/m3) and `material`, the name of that of one of the groups. They are used
+    /// instead of the values of the group. Other columns are not used, and lines that begin with # are skipped.
     pub file: PathBuf,
 }

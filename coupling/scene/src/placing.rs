@@ -8,7 +8,7 @@ use std::fmt;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use voidage_coupling::error::{Error, Result};
-use voidage_dem::packing::{self, Amount, By, Fill, Progress, Radii, Region, Settled, SizeLaw};
+use voidage_dem::packing::{self, Amount, By, Fill, Kinds, Progress, Radii, Region, Settled, SizeLaw, Table};
 use voidage_dem::{ContactForce, Material, Particles, Settings, Wall};
 
 mod cache;
@@ -25,6 +25,8 @@ pub struct Placing<'a> {
     pub(crate) given: Option<Particles<2>>,
     /// The beds poured so far.
     pub beds: Vec<Bed>,
+    /// Tables of grains with columns that are not used, and which.
+    pub unused: Vec<(PathBuf, Vec<String>)>,
 }
 
 /// A bed that was poured.
@@ -86,6 +88,7 @@ impl<'a> Placing<'a> {
             observer: Box::new(observer),
             given: None,
             beds: vec![],
+            unused: vec![],
         }
     }
 
@@ -111,7 +114,16 @@ impl<'a> Placing<'a> {
             Placement::Random(r) => {
                 packing::random_within(&region(&r.lower, &r.upper), &fill(r.seed), &scene.period(), observer)
             }
-            Placement::Csv(csv) => packing::read_table(&csv.file, k as u8, materials),
+            Placement::Csv(csv) => {
+                let names = material_names(scene);
+                let kinds = Kinds { own: k as u8, materials, names: &names };
+                packing::read_table(&csv.file, &kinds).map(|table: Table<2>| {
+                    if !table.unused.is_empty() {
+                        self.unused.push((csv.file.clone(), table.unused));
+                    }
+                    table.grains
+                })
+            }
             Placement::State(file) => return state::handed_over(scene, k, file, materials),
         };
         let grains = placed.map_err(|error| wrong(scene, k, error))?;
@@ -143,6 +155,11 @@ impl<'a> Placing<'a> {
     }
 }
 
+/// The names of the materials of all groups, by their numbers.
+pub(crate) fn material_names(scene: &Scene) -> Vec<&str> {
+    scene.grains.iter().map(|group| group.material.as_str()).collect()
+}
+
 /// How a bed of the scene is deposited.
 fn deposit(scene: &Scene, d: &scene::Deposit) -> packing::Deposit {
     let default = packing::Deposit::default();
@@ -158,7 +175,11 @@ fn deposit(scene: &Scene, d: &scene::Deposit) -> packing::Deposit {
         // Settling takes a time of its own, in which no gate vanishes.
         walls: scene.walls.iter().map(|wall| Wall { until: None, ..build::wall(scene, wall) }).collect(),
         // Grains that settle need no accurate forces on the way.
-        settings: Settings { max_sweeps: settings.max_sweeps.min(default.settings.max_sweeps), ..settings },
+        settings: Settings {
+            max_sweeps: settings.max_sweeps.min(default.settings.max_sweeps),
+            energy: false,
+            ..settings
+        },
         max_steps: if d.settle { default.max_steps } else { 0 },
         ..default
     }
@@ -277,5 +298,12 @@ fn wrong(scene: &Scene, k: usize, error: voidage_dem::Error) -> Error {
         return Error::Interrupted;
     }
     let path = format!("grains[{k}].placement");
-    scene.error(&path, format!("`{path}`: {error}"), "change the box, the amount or the radius")
+    let density = scene.materials.get(&scene.grains[k].material).map_or(1e3, |material| material.density);
+    let help = match scene.grains[k].amount {
+        scene::Amount::Mass(_) if density < 100.0 => {
+            format!("change the box, the amount, the radius, or the density, which is {density} kg/m3")
+        }
+        _ => "change the box, the amount or the radius".to_owned(),
+    };
+    scene.error(&path, format!("`{path}`: {error}"), help)
 }

@@ -22,7 +22,7 @@ pub use regular::{Lattice, lattice};
 pub use room::{check_deposit, check_lattice, check_random};
 pub use sizes::{By, SizeLaw};
 pub use source::mixed;
-pub use table::{read_table, write_table};
+pub use table::{Kinds, Table, read_table, write_table};
 
 use crate::error::{Error, Result, check};
 use crate::{Material, Vector, Wall};

@@ -2,11 +2,12 @@
 
 use super::overlap::{distance_to_wall, overlapping};
 use super::{Checked, FAST, coordinates, corners, fail, not_negative};
+use crate::placing::material_names;
 use crate::{Amount, Coordinates, Deposit, Grains, Lattice, MeshSource, Placement, Radius, RandomBox, Scene};
 use std::path::Path;
 use voidage_coupling::Error;
 use voidage_dem::Rounded;
-use voidage_dem::packing::read_table;
+use voidage_dem::packing::{Kinds, Table, read_table};
 
 /// Grains start inside the mesh, off the walls, and apart from each other.
 pub(super) fn check(scene: &Scene) -> Checked {
@@ -177,10 +178,14 @@ const FAR: f64 = 1e6;
 /// more.
 const OVERLAP: f64 = 0.02;
 
-/// Grains of a file lie inside the fluid, off the walls, and apart. Lines of the file: the header is the first.
+/// Grains of a file lie inside the fluid, off the walls, and apart.
 fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
-    let material = voidage_dem::Material::default();
-    let grains = read_table::<2>(file, 0, &[material]).map_err(|error| error.to_string())?;
+    let materials = vec![voidage_dem::Material::default(); scene.grains.len()];
+    let kinds = Kinds { own: 0, materials: &materials, names: &material_names(scene) };
+    let Table { grains, lines, .. } = read_table::<2>(file, &kinds).map_err(|error| error.to_string())?;
+    if grains.rotation.is_some() && scene.contacts.as_ref().is_some_and(|contacts| !contacts.rotation) {
+        return Err(format!("{}: there is a column spin, but contacts.rotation = false", file.display()));
+    }
     let (file, period) = (file.display(), scene.period());
     for (i, (at, velocity)) in grains.position.iter().zip(&grains.velocity).enumerate() {
         for (what, vector, most) in [("place", at, FAR), ("velocity", velocity, FAST)] {
@@ -188,7 +193,7 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
                 let (x, y) = (vector.x, vector.y);
                 return Err(format!(
                     "{file}, line {}: the {what} ({x:e}, {y:e}) is out of range, at most {most:e}",
-                    i + 2
+                    lines[i]
                 ));
             }
         }
@@ -209,17 +214,14 @@ fn check_file(scene: &Scene, file: &Path) -> Result<(), String> {
         };
         return Err(format!(
             "{file}, line {}: the grain at ({}, {}) of radius {radius} {what}",
-            i + 2,
-            at.x,
-            at.y
+            lines[i], at.x, at.y
         ));
     }
     match overlapping((&grains.position, &grains.radius), &period, OVERLAP, |_, _| false) {
         None => Ok(()),
         Some((a, b, overlap)) => Err(format!(
             "{file}, line {}: the grain overlaps that of line {} by {overlap:.3e} m",
-            b + 2,
-            a + 2
+            lines[b], lines[a]
         )),
     }
 }

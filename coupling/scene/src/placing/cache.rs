@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
 use voidage_coupling::error::{Error, Result};
-use voidage_dem::packing::{self, Fill};
+use voidage_dem::packing::{self, Fill, Kinds};
 use voidage_dem::{ContactForce, Particles, Partner, Vector, Wall};
 
 /// What is kept beside the tables of a bed.
@@ -107,7 +107,8 @@ pub(super) fn take(table: &Path, hash: &str, fill: &Fill<'_>) -> Option<(Bed, Pl
     if kept.hash != hash || kept.tables != hash_of_tables(table).ok()? {
         return None;
     }
-    let mut grains = packing::read_table(table, fill.material, fill.materials).ok()?;
+    let kinds = Kinds { own: fill.material, materials: fill.materials, names: &[] };
+    let mut grains = packing::read_table(table, &kinds).ok()?.grains;
     if !kept.mixed.is_empty() {
         let Particles { position, radius, .. } = grains;
         grains = Particles::new(position, radius, kept.mixed, fill.materials).ok()?;

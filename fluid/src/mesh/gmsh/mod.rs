@@ -1,4 +1,4 @@
-//! Meshes in Gmsh's format: .msh 4.1 as text.
+//! Meshes in Gmsh's format, as text: .msh 4.1, and 2.2, which is read only.
 //!
 //! Format: "MSH file format", Gmsh reference manual. Read are `$PhysicalNames`, `$Entities`, `$Nodes` and `$Elements`;
 //! other sections are passed over.

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::str::{FromStr, Lines, SplitWhitespace};
 
 impl<const D: usize> Mesh<D> {
-    /// Reads a mesh of triangles (2D, z constant) or tetrahedra (3D) from a .msh 4.1 file in text form.
+    /// Reads a mesh of triangles (2D, z constant) or tetrahedra (3D) from a .msh file of format 4.1 or 2.2 in text form.
     ///
     /// Boundaries are named by physical groups of curves (2D) or surfaces (3D), a group without name by its number.
     /// Every boundary facet must belong to exactly one group; groups inside the mesh are passed over, and so are nodes
@@ -19,8 +19,9 @@ impl<const D: usize> Mesh<D> {
         Self::parse_msh(&String::from_utf8_lossy(&bytes), &name)
     }
 
-    /// Reads a mesh from the text of a .msh 4.1 file; `name` is the name of the file in errors.
+    /// Reads a mesh from the text of a .msh file; `name` is the name of the file in errors.
     pub fn parse_msh(text: &str, name: &str) -> Result<Self> {
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut file = Source { name, lines: text.lines(), number: 0 };
         let mut contents = Contents::default();
         contents.read::<D>(&mut file)?;
@@ -87,6 +88,8 @@ struct Contents {
     cells: Vec<u32>,
     /// Nodes of each facet and its entity.
     facets: Vec<(Vec<u32>, i64)>,
+    /// Whether the format is 2.2, in which elements carry their groups themselves.
+    old: bool,
     seen: Vec<&'static str>,
 }
 
@@ -96,23 +99,40 @@ impl Contents {
             let section = match line.trim() {
                 "" => continue,
                 "$MeshFormat" => {
-                    read_format(file)?;
+                    self.old = read_format(file)? == "2.2";
                     "MeshFormat"
                 }
                 "$PhysicalNames" => {
                     self.read_names::<D>(file)?;
                     "PhysicalNames"
                 }
+                "$NOD" => {
+                    return Err(file.error(format!("a file of format 1{CONVERT}")));
+                }
+                "$PartitionedEntities" => {
+                    return Err(file.error(
+                        "the mesh is partitioned: save it whole, with Mesh.PartitionCreateTopology = 0 or after \
+                         `UnpartitionMesh;`",
+                    ));
+                }
                 "$Entities" => {
                     self.read_entities::<D>(file)?;
                     "Entities"
                 }
                 "$Nodes" => {
-                    self.read_nodes(file)?;
+                    if self.old {
+                        self.read_old_nodes(file)?
+                    } else {
+                        self.read_nodes(file)?
+                    }
                     "Nodes"
                 }
                 "$Elements" => {
-                    self.read_elements::<D>(file)?;
+                    if self.old {
+                        self.read_old_elements::<D>(file)?
+                    } else {
+                        self.read_elements::<D>(file)?
+                    }
                     "Elements"
                 }
                 other => {
@@ -135,7 +155,9 @@ impl Contents {
                 return Err(file.error("the file must start with $MeshFormat"));
             }
         }
-        match ["MeshFormat", "Entities", "Nodes", "Elements"].iter().find(|name| !self.seen.contains(name)) {
+        let mut needed =
+            ["MeshFormat", "Nodes", "Elements"].iter().chain(if self.old { &[][..] } else { &["Entities"] });
+        match needed.find(|name| !self.seen.contains(name)) {
             Some(missing) => Err(Error::Mesh(format!("{}: there is no section ${missing}", file.name))),
             None => Ok(()),
         }
@@ -182,24 +204,83 @@ impl Contents {
         Ok(())
     }
 
+    /// A node by its number in the file, and where it is.
+    fn add_node(&mut self, tag: u64, point: [f64; 3], file: &Source) -> Result<()> {
+        if self.nodes.insert(tag, self.nodes.len() as u32).is_some() {
+            return Err(file.error(format!("node {tag} occurs twice")));
+        }
+        if !point.iter().all(|x| x.is_finite()) {
+            return Err(file.error(format!("{point:?} where finite coordinates should be")));
+        }
+        self.points.push(point);
+        Ok(())
+    }
+
+    fn read_old_nodes(&mut self, file: &mut Source) -> Result<()> {
+        for _ in 0..file.row("nodes")?.next::<usize>()? {
+            let mut row = file.row("coordinates")?;
+            let (tag, point) = (row.next()?, [row.next()?, row.next()?, row.next()?]);
+            self.add_node(tag, point, file)?;
+        }
+        Ok(())
+    }
+
+    /// Elements with tags, the first of which is the physical group; one that is in several is there as often.
+    fn read_old_elements<const D: usize>(&mut self, file: &mut Source) -> Result<()> {
+        for _ in 0..file.row("elements")?.next::<usize>()? {
+            let mut row = file.row("an element")?;
+            row.skip(1)?;
+            let (kind, tags): (u32, usize) = (row.next()?, row.next()?);
+            let group: i64 = if tags == 0 { 0 } else { row.next()? };
+            row.skip(tags.saturating_sub(1))?;
+            let Some(dimension) = SIMPLEX.iter().position(|simplex| *simplex == kind) else {
+                return Err(file.error(wrong_elements::<D>(&format!("elements of type {kind}"))));
+            };
+            if group != 0 && dimension + 1 == D {
+                self.groups.insert(group.abs(), vec![group.abs()]);
+            }
+            self.add_element::<D>(dimension, group.abs(), row, file)?;
+        }
+        Ok(())
+    }
+
+    /// An element from the rest of its row, the nodes; `entity` says in which groups a facet is.
+    fn add_element<const D: usize>(
+        &mut self,
+        dimension: usize,
+        entity: i64,
+        mut row: Row,
+        file: &Source,
+    ) -> Result<()> {
+        if dimension + 1 < D {
+            return Ok(());
+        }
+        let mut nodes = Vec::with_capacity(dimension + 1);
+        for _ in 0..=dimension {
+            let tag: u64 = row.next()?;
+            let Some(&node) = self.nodes.get(&tag) else {
+                return Err(file.error(format!("there is no node {tag}")));
+            };
+            nodes.push(node);
+        }
+        if dimension == D {
+            self.cells.extend(nodes);
+        } else {
+            nodes.sort_unstable();
+            self.facets.push((nodes, entity));
+        }
+        Ok(())
+    }
+
     fn read_nodes(&mut self, file: &mut Source) -> Result<()> {
         for _ in 0..file.row("node blocks")?.next::<usize>()? {
             let mut row = file.row("dimension, entity, parameters and count of nodes")?;
             row.skip(3)?;
             let count: usize = row.next()?;
-            for _ in 0..count {
-                let tag: u64 = file.row("a node")?.next()?;
-                if self.nodes.insert(tag, self.nodes.len() as u32).is_some() {
-                    return Err(file.error(format!("node {tag} occurs twice")));
-                }
-            }
-            for _ in 0..count {
+            let tags: Vec<u64> = (0..count).map(|_| file.row("a node")?.next()).collect::<Result<_>>()?;
+            for tag in tags {
                 let mut row = file.row("coordinates")?;
-                let point: [f64; 3] = [row.next()?, row.next()?, row.next()?];
-                if !point.iter().all(|x| x.is_finite()) {
-                    return Err(file.error(format!("{point:?} where finite coordinates should be")));
-                }
-                self.points.push(point);
+                self.add_node(tag, [row.next()?, row.next()?, row.next()?], file)?;
             }
         }
         Ok(())
@@ -212,35 +293,14 @@ impl Contents {
             let count: usize = row.next()?;
             let kept = dimension + 1 >= D;
             if dimension > D || (kept && kind != SIMPLEX[dimension]) {
-                return Err(file.error(format!(
-                    "elements of type {kind} and dimension {dimension}; allowed here are {} of type {} and {} of type \
-                     {}, \
-                     all of first order",
-                    ["lines", "triangles", "tetrahedra"][D - 1],
-                    SIMPLEX[D],
-                    ["points", "lines", "triangles"][D - 1],
-                    SIMPLEX[D - 1]
-                )));
+                let what = format!("elements of type {kind} and dimension {dimension}");
+                return Err(file.error(wrong_elements::<D>(&what)));
             }
             for _ in 0..count {
                 let mut row = file.row("an element")?;
-                if !kept {
-                    continue;
-                }
-                row.skip(1)?;
-                let mut nodes = Vec::with_capacity(dimension + 1);
-                for _ in 0..=dimension {
-                    let tag: u64 = row.next()?;
-                    let Some(&node) = self.nodes.get(&tag) else {
-                        return Err(file.error(format!("there is no node {tag}")));
-                    };
-                    nodes.push(node);
-                }
-                if dimension == D {
-                    self.cells.extend(nodes);
-                } else {
-                    nodes.sort_unstable();
-                    self.facets.push((nodes, entity));
+                if kept {
+                    row.skip(1)?;
+                    self.add_element::<D>(dimension, entity, row, file)?;
                 }
             }
         }
@@ -317,16 +377,29 @@ impl Contents {
     }
 }
 
-fn read_format(file: &mut Source) -> Result<()> {
-    let mut row = file.row("version and file type")?;
-    let (version, binary): (String, u32) = (row.next()?, row.next()?);
-    if version != "4.1" {
-        let text =
-            format!("format {version}, allowed is 4.1: convert it with `gmsh FILE -0 -format msh41 -o NEW`");
-        return Err(file.error(text));
+/// What is wrong with elements that are no simplices of the mesh or its boundary.
+fn wrong_elements<const D: usize>(what: &str) -> String {
+    format!(
+        "{what}; allowed here are {} of type {} and {} of type {}, all of first order",
+        ["lines", "triangles", "tetrahedra"][D - 1],
+        SIMPLEX[D],
+        ["points", "lines", "triangles"][D - 1],
+        SIMPLEX[D - 1]
+    )
+}
+
+/// How a file becomes one that can be read.
+const CONVERT: &str = ", allowed are 4.1 and 2.2: convert it with `gmsh FILE -0 -format msh41 -o NEW`";
+
+/// The version of the format.
+fn read_format<'a>(file: &mut Source<'a>) -> Result<&'a str> {
+    let line = file.line("version and file type")?;
+    let version = line.split_whitespace().next().unwrap_or_default();
+    if !["4.1", "2.2"].contains(&version) {
+        return Err(file.error(format!("format {version}{CONVERT}")));
     }
-    if binary != 0 {
+    if line.split_whitespace().nth(1) != Some("0") {
         return Err(file.error("a binary file, allowed is text: save it with Mesh.Binary = 0"));
     }
-    Ok(())
+    Ok(version)
 }

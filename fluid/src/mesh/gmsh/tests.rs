@@ -58,6 +58,24 @@ fn a_file_of_gmsh() {
     assert_eq!(mesh.boundary("open").unwrap().facets, [3, 0]);
 }
 
+/// The same mesh in format 2.2, with a byte order mark before it, was refused.
+#[test]
+fn a_file_of_format_2_2() {
+    let old = "\u{feff}$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n3\n1 1 \"walls\"\n1 2 \"open\"\n\
+               2 3 \"fluid\"\n$EndPhysicalNames\n$Nodes\n5\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n9 7 7 7\n$EndNodes\n\
+               $Elements\n7\n1 15 2 0 1 1\n2 1 2 1 1 1 2\n3 1 2 1 1 2 3\n4 1 2 1 1 3 4\n5 1 2 2 2 4 1\n\
+               6 2 2 3 1 1 2 3\n7 2 2 3 1 1 4 3\n$EndElements\n";
+    let mesh = Mesh::<2>::parse_msh(old, "old.msh").unwrap();
+    assert_eq!(mesh, Mesh::<2>::parse_msh(TWO, "two.msh").unwrap());
+    let fails = |from: &str, to: &str, text: &str| {
+        let error = Mesh::<2>::parse_msh(&old.replacen(from, to, 1), "old.msh").unwrap_err().to_string();
+        assert!(error.contains(text), "{error}");
+    };
+    fails("2 2 3 1 1 2 3", "3 2 3 1 1 2 3 4", "elements of type 3; allowed here are triangles");
+    fails("5 1 2 2 2 4 1", "5 1 2 0 2 4 1", "is in no physical group");
+    fails("2.2 0 8", "2.2 1 8", "a binary file");
+}
+
 #[test]
 fn errors_name_the_place() {
     let fails = |from: &str, to: &str, text: &str| {
@@ -65,7 +83,9 @@ fn errors_name_the_place() {
         let error = Mesh::<2>::parse_msh(&TWO.replacen(from, to, 1), "two.msh").unwrap_err().to_string();
         assert!(error.contains(text), "{error}");
     };
-    fails("4.1 0 8", "2.2 0 8", "two.msh:2: format 2.2, allowed is 4.1");
+    fails("4.1 0 8", "4.0 0 8", "two.msh:2: format 4.0, allowed are 4.1 and 2.2");
+    fails("$Comment", "$PartitionedEntities", "two.msh:17: the mesh is partitioned");
+    fails("$MeshFormat", "$NOD", "two.msh:1: a file of format 1, allowed are");
     fails("4.1 0 8", "4.1 1 8", "two.msh:2: a binary file");
     fails("1 1 0\n0 1 0\n", "1 1x 0\n0 1 0\n", "two.msh:31: \"1x\" where a number of coordinates should be");
     fails("1 1 0\n0 1 0\n", "1 1\n0 1 0\n", "two.msh:31: the end of the line where a number");
