@@ -117,18 +117,18 @@ pub fn stabilisation_time(dt: f64, speed: f64, size: f64, diffusivity: f64, reac
 /// Voidage of the densest packing of equal spheres, 1 - pi/sqrt(18). Where it is less, an element lies inside a grain.
 const DENSEST: f64 = 0.259_519_5;
 
-/// Rate of the drag in a cell as it enters the stabilisation time, 1/s: four times the largest nodal drag over density and
-/// mean voidage.
+/// Rate of the drag in a cell as it enters the stabilisation time, 1/s: four times the largest nodal drag, with that of a
+/// thin cell, over density and mean voidage.
 ///
 /// The largest, because where strong drag begins the time of a cell with points on one side must be as short as inside.
 /// With a factor of 1 the pressure at the ends of a bed would depend more on the step, and with a much larger one the
 /// pressures of neighbours would be coupled less. For the same reason the voidage counts as that of the densest packing at
 /// least: inside a grain the pressures would else part, and grains that touch would shake.
-fn drag_rate<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, density: f64) -> f64 {
+fn drag_rate<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, fluid: &Properties<D>) -> f64 {
     let Some(nodes) = &cell.density else { return 0.0 };
     let largest = nodes.iter().fold(0.0, |largest: f64, node| largest.max(node.drag));
     let voidage = cell.voidage.iter().sum::<f64>() / B as f64;
-    4.0 * largest / (density * voidage.max(DENSEST))
+    4.0 * (largest + fluid.thin_cell_drag) / (fluid.density * voidage.max(DENSEST))
 }
 
 impl<const D: usize> Stabilisation<D> {
@@ -138,7 +138,7 @@ impl<const D: usize> Stabilisation<D> {
         let speed = direction.norm();
         let h = cell.element.size();
         let nu = fluid.viscosity / fluid.density;
-        let drag = drag_rate(cell, fluid.density);
+        let drag = drag_rate(cell, fluid);
         Self {
             direction,
             time: stabilisation_time(dt, speed, h, nu, drag),

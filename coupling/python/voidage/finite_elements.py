@@ -177,7 +177,7 @@ class FiniteElements(Solver):
         body_force = 0.0 if problem.body_force is None else problem.body_force
         weight = problem.density * (lightness[:, None] * problem.gravity + body_force)
         U, nu = cells.mean(wind), problem.viscosity / problem.density
-        drag = points.drag_rate(problem.density, step.voidage)
+        drag = points.drag_rate(problem.density, problem.thin_cell_drag, step.voidage)
         xi = stabilisation_time(cells, U, step.dt, nu, drag)
         reach = cells.size * np.linalg.norm(U, axis=1)
         xi_c = reach * np.minimum(reach / (6 * nu), 0.5)

@@ -61,11 +61,12 @@ class PointSums(Places):
         along = np.einsum("mi,mai->ma", xi_U, self.mesh.gradient)
         return Places(nodes, centroid, self.count), along
 
-    def drag_rate(self, density: float, voidage: Floats) -> Floats:
-        """What the drag adds to 1/xi, 1/s, (m): four times the largest nodal drag of a cell over
-        density and mean voidage, that of the densest packing at least."""
+    def drag_rate(self, density: float, thin_cell_drag: float, voidage: Floats) -> Floats:
+        """What the drag adds to 1/xi, 1/s, (m): four times the largest nodal drag of a cell, with
+        that of a thin cell, over density and mean voidage, that of the densest packing at least."""
         largest = self._density(self.points.drag)[self.mesh.masters].max(axis=1)
-        return 4 * largest / (density * np.maximum(self.mesh.mean(voidage), DENSEST))
+        voidage = np.maximum(self.mesh.mean(voidage), DENSEST)
+        return 4 * (largest + thin_cell_drag) / (density * voidage)
 
     def exchange_rate(self, k: int, capacity: float, voidage: Floats) -> Floats | float:
         """What the exchange of scalar k adds to 1/xi_T, 1/s, (m): that of the points in a cell over
