@@ -252,7 +252,7 @@ impl<const D: usize> Fluid<D> {
     }
 
     /// Velocity of the nodes in the step in hand, m/s; absent while the mesh stands still.
-    pub(crate) fn mesh_velocity(&self) -> Option<&[Vector<D>]> {
+    pub fn mesh_velocity(&self) -> Option<&[Vector<D>]> {
         match self.droplet.as_deref().filter(|droplet| !droplet.state.gone) {
             Some(droplet) => Some(droplet.mesh_velocity()),
             None => self.motion.as_ref().map(|motion| motion.velocity()),

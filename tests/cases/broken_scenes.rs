@@ -653,7 +653,7 @@ fn wrong_options_are_named() {
         (&["--set", "time.end=nan"], &["--set time.end=nan", "finite"]),
         (&["--scheme", "henri"], &["henri", "explicit"]),
         (&["--fluid", "magic"], &["magic", "no such fluid solver", "fenicsx"]),
-        (&["--threads", "0"], &["--threads 0", "1 or more"]),
+        (&["--threads", "0"], &["--threads 0", "1 to 1024"]),
         (&["--restart", "none"], &["none", "cannot read the checkpoint"]),
         (&["--restart", "scene.toml"], &["scene.toml", "is no checkpoint"]),
         (&["--no-such-option"], &["--no-such-option"]),

@@ -110,7 +110,7 @@ fn the_page_of_columns_has_every_column_of_a_run_and_no_other() {
                 deposit.settle = false;
             }
         }
-        scene.output.stress = !scene.grains.is_empty();
+        (scene.output.stress, scene.output.energy) = (!scene.grains.is_empty(), !scene.grains.is_empty());
         if let Some(mesh) = scene.fluid.as_ref().and_then(|fluid| match &fluid.mesh {
             MeshSource::Rectangle(rectangle) => Some(rectangle),
             MeshSource::File(_) => None,

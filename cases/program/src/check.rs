@@ -1,22 +1,23 @@
 //! `voidage check`: all of a run but its steps; what a scene has, how large it is, and what is unusual about it.
 
 use crate::ending::Ending;
-use crate::sizes::{Sizes, closed_inflow};
+use crate::sizes::{Sizes, Unusual, closed_inflow};
 use crate::{cases, placing, run};
 use std::path::Path;
 use voidage_campaign::process::catch_interrupts;
 use voidage_coupling::Result;
+use voidage_dem::Rounded;
 use voidage_remote::launch::Host;
 use voidage_scene::probes::check_probes;
 use voidage_scene::recorder::check_averages;
-use voidage_scene::{Amount, MeshSource, Placement, Rate, Scene, Simulation};
+use voidage_scene::{Amount, MeshSource, Placement, Rate, Scene, Simulation, Time};
 
 /// Checks a scene, builds what it describes, and prints its parts and sizes.
 pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     let scene = cases::read(file, sets)?;
-    let simulation = build(&scene)?;
+    let (simulation, unused) = build(&scene)?;
     println!("{}: good\n{}", file.display(), scene.title);
-    line("steps", format!("{} of {} s to {} s", scene.time.steps(), scene.time.step, scene.time.end));
+    line("steps", steps(&scene.time));
     part("periodic", scene.periodic.as_ref(), |periodic| {
         let axes = [("x", periodic.x), ("y", periodic.y)].into_iter();
         let axes = axes.filter_map(|(axis, sides)| sides.map(|[a, b]| format!("{axis} from {a} to {b} m")));
@@ -48,16 +49,29 @@ pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
     let sizes = Sizes::of(&scene, &simulation);
     println!("\nsizes");
     sizes.lines.iter().for_each(|(name, text)| line(name, text));
-    if !sizes.unusual.is_empty() {
+    let mut unusual = [unused, scene.faster_than_steps()].concat();
+    unusual.extend(sizes.unusual.iter().map(Unusual::to_string));
+    if !unusual.is_empty() {
         println!("\nunusual: right, if you mean it");
-        sizes.unusual.iter().for_each(|unusual| println!("  {unusual}"));
+        unusual.iter().for_each(|unusual| println!("  {unusual}"));
     }
     Ok(0)
 }
 
+/// How many steps there are, and how long they are.
+fn steps(time: &Time) -> String {
+    let last = time.steps() - 1;
+    match time.length(last) {
+        short if short < time.step => {
+            format!("{last} of {} s and one of {} s to {} s", time.step, Rounded(short), time.end)
+        }
+        _ => format!("{} of {} s to {} s", last + 1, time.step, time.end),
+    }
+}
+
 /// The scene at time zero. A fluid solver in another process is not started, and beds do not settle: that takes minutes
-/// for a large one.
-fn build(scene: &Scene) -> Result<Simulation> {
+/// for a large one. With it come the columns of tables that are not used.
+fn build(scene: &Scene) -> Result<(Simulation, Vec<String>)> {
     let mut here = scene.clone();
     here.fluid.iter_mut().for_each(|fluid| fluid.backend = None);
     for group in &mut here.grains {
@@ -75,7 +89,7 @@ fn build(scene: &Scene) -> Result<Simulation> {
     check_probes(scene, &simulation.view())?;
     let mesh = simulation.coupled().fluid().map(|fluid| &fluid.mesh);
     match mesh.and_then(|mesh| closed_inflow(scene, mesh)) {
-        None => Ok(simulation),
+        None => Ok((simulation, placing::unused(&placing))),
         Some(rate) => {
             let way = if rate > 0.0 { "into" } else { "out of" };
             let what = format!("no boundary is open, and {} m2/s flow {way} the box", rate.abs());

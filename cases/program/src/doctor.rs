@@ -35,7 +35,8 @@ pub fn doctor() -> Result<u8> {
         None => println!("shared memory       there is no /dev/shm: run with --transport tcp"),
     }
     let dolfinx = "apt-get install --no-install-recommends python3-dolfinx".to_owned();
-    python_solver("fenicsx", &fenicsx_interpreter(), &[("dolfinx", dolfinx), package()]);
+    let scipy = "apt-get install --no-install-recommends python3-scipy".to_owned();
+    python_solver("fenicsx", &fenicsx_interpreter(), &[("dolfinx", dolfinx), ("scipy", scipy), package()]);
     let other = interpreter();
     let scikit = format!("{} -m pip install scikit-fem", other.display());
     python_solver("scikit-fem", &other, &[("skfem", scikit), package()]);
@@ -74,7 +75,7 @@ fn has_module(interpreter: &Path, module: &str) -> bool {
 
 /// The package of this project, and what installs it.
 fn package() -> (&'static str, String) {
-    ("voidage", "tests/python-setup".to_owned())
+    ("voidage", "`pip install ./coupling/python` in a clone".to_owned())
 }
 
 /// Bytes of memory that are free, where the system tells.

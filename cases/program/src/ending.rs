@@ -28,6 +28,8 @@ pub struct Saved {
     pub summary: Summary,
     /// The folder of the run.
     pub folder: PathBuf,
+    /// The command line that goes on from the checkpoint there.
+    pub again: String,
 }
 
 /// Who ends the run: whoever claims it first.
@@ -129,9 +131,9 @@ impl Saved {
         let path = self.folder.join(CHECKPOINT);
         Checkpoint::write(&path, &self.stamp, &self.state, &self.kept)?;
         warn!(
-            "interrupted within a step; the state at t = {} s is saved, go on with --restart {}",
+            "interrupted within a step; the state at t = {} s is saved, to go on:\n  {}",
             Rounded(self.stamp.time),
-            path.display()
+            self.again
         );
         self.summary.outcome = "interrupted".to_owned();
         self.summary.write(&self.folder.join("summary.json"))?;

@@ -19,7 +19,7 @@ mod results;
 mod run;
 mod sizes;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
@@ -116,21 +116,31 @@ enum Command {
     },
     /// Say whether this machine has what the program needs.
     Doctor,
+    /// Print what a shell needs to complete commands and options: `source <(voidage completions bash)`.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
 }
 
 /// Exit code of programs that the shell ends for writing to nobody.
 const NOBODY_READS: i32 = 141;
 
-/// A reader that has read enough, as `head`, closes the pipe: ends the program as others end, instead of with a panic's
-/// message.
-fn end_quietly_where_nobody_reads() {
+/// Ends the program where nothing more can be printed, instead of with a panic's message: quietly, as others end, where
+/// a reader that has read enough, as `head`, closes the pipe, and with an error on a disk that is full.
+fn end_where_nothing_can_be_printed() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         let text = panic.payload().downcast_ref::<String>().map_or("", String::as_str);
-        if text.starts_with("failed printing to std") && text.contains("Broken pipe") {
-            std::process::exit(NOBODY_READS);
+        match text.strip_prefix("failed printing to std").and_then(|rest| rest.split_once(": ")) {
+            Some((_, why)) if why.contains("Broken pipe") => std::process::exit(NOBODY_READS),
+            Some((_, why)) => {
+                // Not by a macro that panics in turn where errors go to the same disk.
+                let _ = writeln!(std::io::stderr(), "error: cannot write the output: {why}");
+                std::process::exit(1);
+            }
+            None => report(panic),
         }
-        report(panic);
     }));
 }
 
@@ -138,7 +148,7 @@ fn end_quietly_where_nobody_reads() {
 /// called once in a process: it sets the handlers of signals and panics. Help, and arguments that are wrong, end the
 /// process.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    end_quietly_where_nobody_reads();
+    end_where_nothing_can_be_printed();
     let arguments = Arguments::parse_from(arguments);
     let quiet = match &arguments.command {
         Command::Run(options) => options.quiet,
@@ -197,5 +207,11 @@ fn perform(command: Command) -> Result<u8> {
             Ok(0)
         }
         Command::Doctor => doctor::doctor(),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), "voidage", &mut script);
+            print!("{}", String::from_utf8_lossy(&script));
+            Ok(0)
+        }
     }
 }

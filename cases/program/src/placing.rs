@@ -37,6 +37,14 @@ pub fn watched<'a>(folder: Option<&Path>, interrupted: &'a AtomicBool, quiet: bo
     })
 }
 
+/// What a table of grains has that is not used, a line each.
+pub fn unused(placing: &Placing<'_>) -> Vec<String> {
+    let tables = placing.unused.iter();
+    tables
+        .map(|(file, columns)| format!("{}: columns not used: {}", file.display(), columns.join(", ")))
+        .collect()
+}
+
 /// Says how the beds came out.
 pub fn tell(beds: &[Bed]) {
     for bed in beds {

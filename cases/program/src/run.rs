@@ -143,6 +143,36 @@ pub fn default_folder(scene: &Path) -> PathBuf {
     Path::new("out").join(name)
 }
 
+/// The folder of a checkpoint, where it holds a run of the same scene.
+fn own_folder(checkpoint: &Path, hash: &str) -> Option<PathBuf> {
+    let folder =
+        checkpoint.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let there = Scene::read(&folder.join("scene.toml"), &[]).and_then(|scene| scene.hash()).ok()?;
+    (there == hash).then(|| folder.to_path_buf())
+}
+
+/// The command line that goes on from the checkpoint in a folder with the same options.
+fn again(options: &Options, folder: &Path) -> String {
+    let mut words =
+        vec![options.scene.display().to_string(), "--out".to_owned(), folder.display().to_string()];
+    let mut option = |name: &str, value: Option<String>| {
+        words.extend(value.into_iter().flat_map(|value| [name.to_owned(), value]));
+    };
+    options.sets.iter().for_each(|set| option("--set", Some(set.clone())));
+    option("--scheme", options.scheme.clone());
+    option("--fluid", options.fluid.clone());
+    option("--transport", options.process.transport.clone());
+    option("--timeout", options.process.timeout.map(|seconds| seconds.to_string()));
+    option("--threads", options.threads.map(|threads| threads.to_string()));
+    option("--restart", Some(folder.join(CHECKPOINT).display().to_string()));
+    let plain = |c: char| c.is_alphanumeric() || "-_./=+,:@%".contains(c);
+    let quoted = words.iter().map(|word| match word.chars().all(plain) && !word.is_empty() {
+        true => word.clone(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    });
+    format!("voidage run {}", quoted.collect::<Vec<_>>().join(" "))
+}
+
 /// How the steps of a run ended.
 enum Ended {
     /// At `time.end`.
@@ -166,6 +196,8 @@ struct Run {
     ending: Ending,
     /// Checkpoints at times of the clock on the wall, for scenes that ask for none: when the last was written.
     autosave: Option<Instant>,
+    /// The command line that goes on from the checkpoint.
+    again: String,
     started: Instant,
     /// Wall time until the first step, s.
     setup_s: f64,
@@ -239,8 +271,12 @@ pub fn check_stop(scene: &Scene, simulation: &Simulation) -> Result<()> {
 impl Run {
     fn new(scene: &Scene, options: &Options, threads: usize, ending: Ending) -> Result<Run> {
         let started = Instant::now();
-        let folder = options.out.clone().unwrap_or_else(|| default_folder(&options.scene));
         let hash = scene.hash()?;
+        let folder = match (&options.out, &options.restart) {
+            (Some(folder), _) => folder.clone(),
+            (None, Some(file)) => own_folder(file, &hash).unwrap_or_else(|| default_folder(&options.scene)),
+            (None, None) => default_folder(&options.scene),
+        };
         let host = options.process.host(folder.join("solver.log"));
         let backend = scene.fluid.as_ref().and_then(|fluid| fluid.backend.as_ref());
         backend.map_or(Ok(()), |backend| check_door(backend, &host))?;
@@ -255,6 +291,7 @@ impl Run {
                 let mut placing = placing::watched(Some(&folder), ending.flag(), options.quiet);
                 let mut simulation = Simulation::placed(scene, &host, &mut placing)?;
                 beds.append(&mut placing.beds);
+                placing::unused(&placing).iter().for_each(|line| warn!("{line}"));
                 simulation.refresh().map_err(at_start)?;
                 let (view, readings) = (simulation.view(), simulation.readings());
                 check_stop(scene, &simulation)?;
@@ -296,6 +333,7 @@ impl Run {
         simulation.sum_up(&mut summary);
         info!("{}", scene.title);
         placing::tell(&beds);
+        scene.faster_than_steps().iter().for_each(|line| warn!("{line}"));
         summary.changes.iter().for_each(|change| info!("changed since the checkpoint: {change}"));
         info!(
             "{} grains, {} nodes, {} cells, {threads} threads, into {}",
@@ -305,6 +343,7 @@ impl Run {
             folder.display()
         );
         let stamp = Stamp { scene_hash: hash, step: simulation.steps(), time: simulation.time() };
+        let again = again(options, &folder);
         let autosave = scene.output.checkpoint_interval.is_none().then(Instant::now);
         let watch = Watch::new(scene.stop.as_ref(), recording.slow);
         Ok(Run {
@@ -317,6 +356,7 @@ impl Run {
             watch,
             ending,
             autosave,
+            again,
             started,
             setup_s: started.elapsed().as_secs_f64(),
             output_s: 0.0,
@@ -361,7 +401,7 @@ impl Run {
 
     /// Keeps the state for an interrupt within the next step.
     fn keep(&mut self) {
-        let Run { simulation, recording, stamp, summary, ending, started, .. } = self;
+        let Run { simulation, recording, stamp, summary, ending, again, started, .. } = self;
         ending.keep(|| {
             let stamp = Stamp { step: simulation.steps(), time: simulation.time(), ..stamp.clone() };
             let mut summary = summary.clone();
@@ -370,7 +410,7 @@ impl Run {
             summary.wall_s = started.elapsed().as_secs_f64();
             let (state, kept) = (simulation.last_state(), recording.kept(stamp.step));
             let folder = recording.folder().to_path_buf();
-            Saved { stamp, state, kept, summary, folder }
+            Saved { stamp, state, kept, summary, folder, again: again.clone() }
         });
     }
 
@@ -409,12 +449,12 @@ impl Run {
     }
 
     /// The last frame, and the checkpoint to go on from, for a run that ends between two checkpoints.
-    fn leave(&mut self) -> Result<PathBuf> {
+    fn leave(&mut self) -> Result<()> {
         // Grains that are no longer in the mesh have no voidage, but all else.
         let refreshed = self.simulation.refresh();
         let (step, time) = (self.simulation.steps(), self.simulation.time());
         self.recording.frame(step, time, &self.simulation.view())?;
-        refreshed.and_then(|()| self.checkpoint())
+        refreshed.and_then(|()| self.checkpoint()).map(drop)
     }
 
     /// Ends the run: last frame and checkpoint, summary, pictures.
@@ -430,12 +470,12 @@ impl Run {
         match &outcome {
             Ok(Ended::Done) => {}
             Ok(Ended::Stopped(why)) => {
-                let path = self.leave()?;
-                info!("{why}; --restart {} goes on from t = {} s", path.display(), Rounded(time));
+                self.leave()?;
+                info!("{why}; to go on from t = {} s:\n  {}", Rounded(time), self.again);
             }
             Ok(Ended::Interrupted) => {
-                let path = self.leave()?;
-                warn!("interrupted at t = {} s; go on with --restart {}", Rounded(time), path.display());
+                self.leave()?;
+                warn!("interrupted at t = {} s; to go on:\n  {}", Rounded(time), self.again);
             }
             Err(error) => self.leave_failed(error),
         }
@@ -446,12 +486,10 @@ impl Run {
         self.simulation.shortcomings().iter().for_each(|line| warn!("{line}"));
         let finished = outcome?;
         drawn?;
-        println!(
-            "{ended} after {} steps in {}: {}",
-            self.summary.steps,
-            duration(self.summary.wall_s),
-            folder.display()
-        );
+        let (all, here) = (self.summary.steps, self.summary.steps_of_this_process);
+        let of_these = if here == all { String::new() } else { format!(", {here} of them") };
+        let wall = duration(self.summary.wall_s);
+        println!("{ended} after {all} steps{of_these} in {wall}: {}", folder.display());
         Ok(if matches!(finished, Ended::Interrupted) { 1 } else { 0 })
     }
 

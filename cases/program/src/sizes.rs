@@ -1,11 +1,14 @@
 //! The sizes of a scene that tell a mistake, and what is out of its usual range: for `voidage check`.
 
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::fmt;
 use voidage_coupling::closure::Surroundings;
 use voidage_coupling::{Interaction, Laws};
 use voidage_dem::Particles;
+use voidage_fluid::mesh::Locator;
 use voidage_fluid::{Mesh, Vector};
-use voidage_scene::{Boundary, Flow, Scene, Simulation};
+use voidage_scene::{Boundary, Flow, Motion, Placement, Scene, Simulation};
 
 /// Something unusual: the key, what it makes, and the reason to look at it.
 #[derive(Clone, Debug)]
@@ -122,6 +125,7 @@ impl Sizes {
         if let Some(grains) = grains {
             sizes.grains(scene, grains);
         }
+        sizes.walls(scene);
         if let Some(fluid) = coupled.fluid() {
             sizes.fluid(scene, &fluid.mesh, grains);
         }
@@ -183,6 +187,10 @@ impl Sizes {
                 );
                 self.odd(&format!("grains[{i}].radius"), what);
             }
+            if matches!(group.placement, Placement::Deposit(_)) && scene.gravity.vector::<2>().norm() == 0.0 {
+                let what = "without gravity nothing presses the grains together: contacts carry no force";
+                self.odd(&format!("grains[{i}].placement.deposit"), what.into());
+            }
             if let Some(temperature) = group.temperature.filter(|t| !(100.0..=3000.0).contains(t)) {
                 self.odd(
                     &format!("grains[{i}].temperature"),
@@ -201,9 +209,53 @@ impl Sizes {
                     format!("{} kg/m3: water has 1000, glass 2500, steel 7800", Short(material.density));
                 self.odd(&format!("materials.{name}.density"), what);
             }
+            if let Some(capacity) = material.heat_capacity {
+                self.heat_capacity(&format!("materials.{name}.heat_capacity"), capacity);
+            }
             if material.friction > 2.0 {
                 let what = format!("{}: between grains it is mostly 0.1 to 1", Short(material.friction));
                 self.odd(&format!("materials.{name}.friction"), what);
+            }
+        }
+    }
+
+    /// Capacities of solids, liquids and gases lie between those of lead and hydrogen.
+    fn heat_capacity(&mut self, key: &str, capacity: f64) {
+        if !(100.0..=15_000.0).contains(&capacity) {
+            let what = format!("{} J/kg/K: glass has 840, air 1005, water 4180", Short(capacity));
+            self.odd(key, what);
+        }
+    }
+
+    /// How fast walls turn.
+    fn walls(&mut self, scene: &Scene) {
+        let gravity = scene.gravity.vector::<2>().norm();
+        let mut bodies: BTreeMap<&str, (usize, f64, f64)> = BTreeMap::new();
+        for (i, wall) in scene.walls.iter().enumerate() {
+            let Some(Motion::Rotate(turn)) = &wall.motion else { continue };
+            let ends: [Vector<2>; 2] = [wall.from.vector(), wall.to.vector()];
+            let reach = ends.map(|end| (end - turn.centre.vector::<2>()).norm());
+            let body = bodies.entry(wall.body()).or_insert((i, turn.rate, 0.0));
+            body.2 = reach.into_iter().fold(body.2, f64::max);
+        }
+        for (name, (i, rate, reach)) in bodies {
+            let (rpm, speed) = (rate * 60.0 / TAU, rate.abs() * reach);
+            let text = format!(
+                "{name}: {} rad/s, {} turns a minute, {} m/s at its rim",
+                Short(rate),
+                Short(rpm),
+                Short(speed)
+            );
+            self.line("rotation", text);
+            if gravity > 0.0 && rate * rate * reach > gravity {
+                let what = format!(
+                    "{} rad/s are {} turns a minute: at {} m from the centre grains feel {} times gravity",
+                    Short(rate),
+                    Short(rpm),
+                    Short(reach),
+                    Short(rate * rate * reach / gravity)
+                );
+                self.odd(&format!("walls[{i}].motion.rotate.rate"), what);
             }
         }
     }
@@ -240,6 +292,18 @@ impl Sizes {
         if !(1e-6..=100.0).contains(&fluid.viscosity) {
             let what = format!("{} Pa s: air has 1.8e-5, water 1e-3", Short(fluid.viscosity));
             self.odd("fluid.viscosity", what);
+        }
+        let thickness = fluid.viscosity / fluid.density;
+        if fluid.density >= 200.0 && !(1e-7..2e-4).contains(&thickness) {
+            let what = format!(
+                "{} Pa s beside {} kg/m3: water has 1e-3 Pa s, which is 1 mPa s or 1 cP, and 1e-6 m2/s over its density",
+                Short(fluid.viscosity),
+                Short(fluid.density)
+            );
+            self.odd("fluid.viscosity", what);
+        }
+        if let Some(heat) = &fluid.heat {
+            self.heat_capacity("fluid.heat.heat_capacity", heat.heat_capacity);
         }
         if let Some(heat) = fluid.heat.as_ref().filter(|h| !(100.0..=3000.0).contains(&h.initial_temperature))
         {
@@ -285,6 +349,9 @@ impl Sizes {
             let what = format!("the inflow passes {} elements in a step", Short(courant));
             self.odd("time.step", what);
         }
+        if grains.is_some() {
+            self.walls_inside(scene, mesh, edge);
+        }
         if let Some(grains) = grains.filter(|grains| !grains.is_empty()) {
             let (_, diameter) = diameters(grains);
             self.line("  elements", format!("{} diameters wide", Short(edge / diameter)));
@@ -316,6 +383,33 @@ impl Sizes {
                     self.odd(&format!("fluid.boundaries[{i}]"), what);
                 }
             }
+        }
+    }
+
+    /// Walls of the grains inside the mesh, through which the fluid flows.
+    fn walls_inside(&mut self, scene: &Scene, mesh: &Mesh<2>, edge: f64) {
+        let Ok(locator) = Locator::new(mesh) else { return };
+        let facets = mesh.boundaries.iter().flat_map(|part| part.facets.chunks_exact(2));
+        let facets: Vec<[Vector<2>; 2]> =
+            facets.map(|facet| [0, 1].map(|k| mesh.points[facet[k] as usize])).collect();
+        let beside = |at: &Vector<2>| facets.iter().any(|facet| distance(facet, at) < edge);
+        let mut inside: BTreeMap<&str, usize> = BTreeMap::new();
+        for (i, wall) in scene.walls.iter().enumerate() {
+            let (from, to): (Vector<2>, Vector<2>) = (wall.from.vector(), wall.to.vector());
+            let seen = |share: f64| {
+                let at = from + (to - from) * share;
+                locator.locate(mesh, &at, None).is_none() || beside(&at)
+            };
+            if !inside.contains_key(wall.body()) && ![0.25, 0.5, 0.75].into_iter().all(seen) {
+                inside.insert(wall.body(), i);
+            }
+        }
+        for (name, i) in inside {
+            let what = format!(
+                "\"{name}\" is inside the mesh, where it stops grains alone: the fluid flows through it; give the mesh a \
+                 boundary there, and the wall `along` it"
+            );
+            self.odd(&format!("walls[{i}]"), what);
         }
     }
 
@@ -428,6 +522,13 @@ fn bounds(grains: &Particles<2>) -> [Vector<2>; 2] {
     [lower, upper]
 }
 
+/// Distance of a point from a segment, m.
+fn distance([from, to]: &[Vector<2>; 2], at: &Vector<2>) -> f64 {
+    let along = to - from;
+    let share = ((at - from).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+    (from + along * share - at).norm()
+}
+
 /// Share of a boundary that grains cannot leave by and that no wall of theirs stands along, within a diameter.
 fn unguarded(scene: &Scene, mesh: &Mesh<2>, boundary: &Boundary, diameter: f64) -> Option<f64> {
     if matches!(boundary.flow, Flow::Open { .. }) {
@@ -441,9 +542,7 @@ fn unguarded(scene: &Scene, mesh: &Mesh<2>, boundary: &Boundary, diameter: f64) 
     let near = |at: &Vector<2>| {
         scene.walls.iter().any(|wall| {
             let (from, to): (Vector<2>, Vector<2>) = (wall.from.vector(), wall.to.vector());
-            let along = to - from;
-            let share = ((at - from).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-            (from + along * share - at).norm() <= diameter
+            distance(&[from, to], at) <= diameter
         })
     };
     let all: Vec<bool> = middles.map(|at| near(&at)).collect();

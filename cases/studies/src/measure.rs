@@ -17,7 +17,7 @@ use voidage_campaign::process::{host, start_threads};
 use voidage_coupling::{Error, Notice, Result, TEMPERATURE};
 use voidage_scene::Simulation;
 use voidage_scene::recorder::{Summary, View, create_folder, readings};
-use voidage_scene::{Output, Scene};
+use voidage_scene::{Output, Scene, Time};
 
 /// What is to be run, and where files go.
 #[derive(Debug, Serialize, Deserialize)]
@@ -111,14 +111,17 @@ fn perform(task: &Task) -> Result<Answer> {
 type Sample = (usize, usize, f64);
 
 /// The steps at which quantities are looked at: a time between two steps is interpolated.
-fn samples(quantities: &[Quantity], dt: f64, last: u64) -> BTreeMap<u64, Vec<Sample>> {
+fn samples(quantities: &[Quantity], clock: &Time) -> BTreeMap<u64, Vec<Sample>> {
+    let last = clock.steps();
     let mut all: BTreeMap<u64, Vec<Sample>> = BTreeMap::new();
     for (q, quantity) in quantities.iter().enumerate() {
         if quantity.at.is_empty() {
             all.entry(last).or_default().push((q, 0, 1.0));
         }
         for (t, time) in quantity.at.iter().enumerate() {
-            let steps = (time / dt).min(last as f64);
+            let before = ((time / clock.step) as u64).min(last);
+            let steps = before as f64 + (time - clock.after(before)) / clock.length(before);
+            let steps = steps.min(last as f64);
             // A time that is a step but for rounding is that step.
             let steps = if (steps - steps.round()).abs() < 1e-6 { steps.round() } else { steps };
             let (before, share) = (steps.floor() as u64, steps.fract());
@@ -141,7 +144,7 @@ fn of_scene(file: &Path, task: &Task) -> Result<Answer> {
         cost: Cost { setup_s: begun.elapsed().as_secs_f64(), ..Cost::default() },
     };
     let (last, mut spent) = (scene.time.steps(), Spent::default());
-    let due = samples(quantities, scene.time.step, last);
+    let due = samples(quantities, &scene.time);
     // The first step shows whether all quantities are there, before time is spent on the others.
     for step in 0..=last {
         if step > 0 {
@@ -293,7 +296,7 @@ mod tests {
             exact: None,
             scale: None,
         };
-        let due = samples(&[quantity(&[0.025, 0.3]), quantity(&[])], 0.1, 4);
+        let due = samples(&[quantity(&[0.025, 0.3]), quantity(&[])], &Time { step: 0.1, end: 0.4 });
         assert_eq!(due.keys().copied().collect::<Vec<_>>(), [0, 1, 3, 4]);
         let weight = |step: u64| due[&step].iter().map(|sample| sample.2).sum::<f64>();
         assert!((weight(0) - 0.75).abs() < 1e-12 && (weight(1) - 0.25).abs() < 1e-12);

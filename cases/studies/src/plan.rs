@@ -264,7 +264,7 @@ fn blame(study: &Study, choice: &Choice, error: Error) -> Error {
 }
 
 fn check_times(study: &Study, scene: &Scene) -> Result<()> {
-    let end = scene.time.steps() as f64 * scene.time.step;
+    let end = scene.time.end;
     for (k, quantity) in study.quantities.iter().enumerate() {
         if let Some((i, late)) = quantity.at.iter().enumerate().find(|(_, time)| **time > end * (1.0 + 1e-9))
         {

@@ -345,6 +345,7 @@ pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2>
         cohesion: contacts.cohesion,
         pairs: pairs(scene, contacts),
         period: scene.period(),
+        energy: scene.output.energy,
         ..Settings::default()
     }
 }

@@ -20,6 +20,7 @@ mod grains;
 pub mod network;
 mod origin;
 mod output;
+mod pace;
 mod periodic;
 pub mod placing;
 pub mod probes;
@@ -153,7 +154,7 @@ pub struct Event {
 pub struct Time {
     /// Time step, s. Above 0.
     pub step: f64,
-    /// Time at which the run ends, s. At least one step.
+    /// Time at which the run ends, s. At least one step. Between two steps the last one is shorter.
     pub end: f64,
 }
 
@@ -161,6 +162,29 @@ impl Time {
     /// The number of steps that end at or just after `end` (rounding errors of the division forgiven).
     pub fn steps(&self) -> u64 {
         (self.end / self.step * (1.0 - 1e-12)).ceil() as u64
+    }
+
+    /// Length of the step after so many, s: the last one ends at `end`.
+    pub fn length(&self, steps: u64) -> f64 {
+        let left = self.end - steps as f64 * self.step;
+        // Ends that are whole numbers of steps but for rounding keep the length, to the bit.
+        let short = steps + 1 == self.steps() && left < self.step * (1.0 - 1e-9);
+        if short { left } else { self.step }
+    }
+
+    /// Time after so many steps, s. It is not their sum, whose last digits drift.
+    pub fn after(&self, steps: u64) -> f64 {
+        match steps.checked_sub(1).filter(|last| steps == self.steps() && self.length(*last) < self.step) {
+            Some(_) => self.end,
+            None => steps as f64 * self.step,
+        }
+    }
+
+    /// The step that ends nearest to a time: how many go up to there.
+    pub fn nearest(&self, time: f64) -> u64 {
+        let steps = (time / self.step).round() as u64;
+        let away = |steps: u64| (self.after(steps) - time).abs();
+        if away(steps + 1) < away(steps) { steps + 1 } else { steps }
     }
 }
 

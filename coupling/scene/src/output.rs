@@ -36,6 +36,10 @@ pub struct Output {
     /// Whether stress, coordination number and fabric of the grains are recorded: in series.csv, for each grain in
     /// grains.pvd, and with a fluid at the nodes in fluid.pvd. Default false.
     pub stress: bool,
+    /// Whether series.csv has the budget of mechanical energy of the grains: kinetic energy, the work of gravity, fluid
+    /// and walls, and what impacts, friction, resistance to rolling and cohesion take; `voidage plot` draws it. Default
+    /// false.
+    pub energy: bool,
 }
 
 /// A time average on a regular grid.

@@ -48,6 +48,8 @@ impl Scene {
         check::structure(&scene)?;
         scene.resolve();
         scene.read_motions()?;
+        // Before walls along its boundary make the mesh.
+        check::mesh(&scene)?;
         check::walls(&scene)?;
         scene.lay_walls()?;
         check::values(&scene)?;

@@ -109,6 +109,21 @@ fn steps_forgive_rounding() {
     }
 }
 
+/// A run to 1 s with steps of 0.3 s ended at 1.2 s.
+#[test]
+fn the_last_step_ends_where_the_run_does() {
+    for (step, end) in [(0.3, 1.0), (3e-3, 1.0), (1e-3, 1.0005), (0.1, 0.35), (0.1, 0.3), (1e-3, 10.0)] {
+        let time = Time { step, end };
+        let last = time.steps();
+        approx::assert_relative_eq!(time.after(last), end, max_relative = 2e-16);
+        let sum: f64 = (0..last).map(|steps| time.length(steps)).sum();
+        approx::assert_relative_eq!(sum, end, max_relative = 1e-12);
+        assert!((0..last - 1).all(|steps| time.length(steps) == step));
+        // A caller that steps on takes whole steps.
+        assert_eq!(time.length(last), step);
+    }
+}
+
 /// A disc that hangs from a held one by 1.001 times its weight, in air with a tracer.
 const HANGING: &str = r#"
 gravity = [0.0, -9.81]

@@ -7,6 +7,9 @@ use voidage_dem::Partner;
 /// it.
 pub const DEEP: f64 = 0.05;
 
+/// Energy of missed rebounds over the most kinetic energy above which it is said.
+const MISSED: f64 = 0.01;
+
 /// Sums and extremes over the steps of this process; what the scene does not have is `None`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Totals {
@@ -32,6 +35,9 @@ pub struct Totals {
     pub waiting: Tally,
     /// The source of most of them, by number.
     pub slowest: usize,
+    /// Energy that rebounds would have left to grains and that they lost, because they hit a second body within a
+    /// sub-step, J per metre of depth; the most kinetic energy in such a step.
+    pub missed_rebounds: (f64, f64),
     /// Largest [`StepReport::momentum_exchange_defect`].
     pub momentum_exchange_defect: Option<f64>,
     /// Largest [`StepReport::energy_exchange_defect`].
@@ -157,6 +163,14 @@ impl Totals {
                 "{}: grains and fluid disagree (worst {worst:.1e} of weight and force or of the range of temperatures, \
                  first at step {first})",
                 of(&tally)
+            ));
+        }
+        let (missed, had) = self.missed_rebounds;
+        if missed > MISSED * had {
+            lines.push(format!(
+                "rebounds that no step saw would have left {missed:.2e} J/m to grains that had {had:.2e} J/m at most: who \
+                 hits a second body within a sub-step does not rebound from it; a shorter time.step or \
+                 contacts.max_travel sees more of them"
             ));
         }
         if let Some((deepest, step)) = self.deepest.filter(|(deepest, _)| deepest.depth > DEEP) {

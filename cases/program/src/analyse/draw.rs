@@ -51,8 +51,8 @@ fn over_time(rows: &[BedRow], name: &str, of: impl Fn(&BedRow) -> f64) -> Option
     (!points.is_empty()).then(|| Curve::measured(name, points))
 }
 
-/// Height of the bed and mixing index over time.
-pub fn bed(path: &Path, rows: &[BedRow]) -> Result<()> {
+/// Height of the bed and mixing index over time; false, and no picture, where neither is known.
+pub fn bed(path: &Path, rows: &[BedRow]) -> Result<bool> {
     let mut sheet = Vec::new();
     let mut height = Panel::new("height of the bed", "time (s)", "height (mm)");
     height.curves.extend(over_time(rows, "95 % of the solid is below", |row| 1e3 * row.bed_height_95_m));
@@ -68,7 +68,10 @@ pub fn bed(path: &Path, rows: &[BedRow]) -> Result<()> {
         mixing.curves.push(Curve::dashes("", limit(0.0)));
     }
     sheet.extend([height, mixing].into_iter().filter(|panel| !panel.curves.is_empty()));
-    panels::large(path, 2, &sheet)
+    if sheet.is_empty() {
+        return Ok(false);
+    }
+    panels::large(path, 2, &sheet).map(|()| true)
 }
 
 /// Values over the height, each as a point and a bar of its error.

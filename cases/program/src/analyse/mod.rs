@@ -314,8 +314,12 @@ impl Analysis<'_> {
         let rows: Vec<BedRow> = seen.iter().map(BedRow::new).collect();
         self.table("bed.csv", &rows)?;
         let path = self.folder.join("bed.png");
-        draw::bed(&path, &rows)?;
-        self.made.push(path);
+        match draw::bed(&path, &rows)? {
+            true => self.made.push(path),
+            false => self
+                .notes
+                .push("no frame has a height of the bed or a mixing index: no picture of them".into()),
+        }
         if !lens.upright {
             self.notes.push("gravity does not point along -y: no height of the bed, and no bubbles".into());
         }

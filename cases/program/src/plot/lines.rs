@@ -85,10 +85,31 @@ pub fn pressure(
     chart(path, "pressure drop (Pa)", &curves, Some(0.0))
 }
 
+const COLOURS: [RGBColor; 6] =
+    [BLUE_LINE, ORANGE_LINE, GREEN_LINE, SKY_LINE, RGBColor(230, 159, 0), RGBColor(204, 121, 167)];
+
+/// Share of the largest energy below which a term has no curve.
+const SMALL: f64 = 2e-3;
+
+/// Energies with their names; the last value of each stands beside its name.
+pub fn energy(path: &Path, time: &[f64], columns: &[(&str, &[f64])]) -> Result<()> {
+    let largest = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let most = columns.iter().fold(0.0_f64, |most, (_, column)| most.max(largest(column)));
+    let shown = columns.iter().filter(|(_, column)| largest(column) > SMALL * most);
+    let curves: Vec<Curve> = shown
+        .zip(COLOURS.iter().cycle())
+        .enumerate()
+        .map(|(k, ((name, column), colour))| Curve {
+            name: format!("{name}: {:.3} J/m", column.last().copied().unwrap_or(0.0)),
+            points: time.iter().copied().zip(column.iter().copied()).collect(),
+            style: if k < COLOURS.len() { Style::Solid(colour, 3) } else { Style::Dashed(colour) },
+        })
+        .collect();
+    chart(path, "energy since the start (J/m)", &curves, Some(0.0))
+}
+
 /// Differences of runs against time, decades up: one curve per name.
 pub fn differences(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> Result<()> {
-    const COLOURS: [RGBColor; 6] =
-        [BLUE_LINE, ORANGE_LINE, GREEN_LINE, SKY_LINE, RGBColor(230, 159, 0), RGBColor(204, 121, 167)];
     let curves: Vec<Curve> = curves
         .into_iter()
         .zip(COLOURS.iter().cycle())

@@ -51,6 +51,7 @@ pub fn draw(folder: &Path) -> Result<Vec<PathBuf>> {
     if let Some(series) = &series {
         drawn.extend(temperature(folder, &scene, series)?);
         drawn.extend(pressure(folder, &scene, series)?);
+        drawn.extend(energy(folder, series)?);
     }
     let moments = moments(folder)?;
     let droplet = Droplet::new(&scene, series.as_ref(), &moments)?;
@@ -149,6 +150,33 @@ fn outer_temperature(scene: &Scene) -> Option<f64> {
     let mut all = walls.chain(boundaries);
     let first = all.next()?;
     all.all(|other| other == first).then_some(first)
+}
+
+/// Where the mechanical energy of the grains comes from and goes, against time.
+fn energy(folder: &Path, series: &Table) -> Result<Option<PathBuf>> {
+    let (Some(time), Some(kinetic)) = (series.column("time_s"), series.column("kinetic_energy_J_per_m"))
+    else {
+        return Ok(None);
+    };
+    let mut columns = vec![("kinetic energy", kinetic)];
+    for (name, label) in [
+        ("gravity", "work of gravity"),
+        ("fluid", "work of the fluid"),
+        ("walls", "work of walls"),
+        ("impacts", "impacts"),
+        ("friction", "friction"),
+        ("rolling", "resistance to rolling"),
+        ("cohesion", "cohesion"),
+        ("repair", "overlaps taken back"),
+        ("rest", "grains stopped"),
+        ("step", "length of the step"),
+        ("passed", "grains that came and left"),
+    ] {
+        columns.extend(series.column(&format!("energy_{name}_J_per_m")).map(|column| (label, column)));
+    }
+    let path = folder.join("energy.png");
+    lines::energy(&path, time, &columns)?;
+    Ok(Some(path))
 }
 
 /// Pressure drop against time, with its mean and the weight of the bed.

@@ -13,6 +13,8 @@ use voidage_remote::transport::Address;
 
 /// Most triangles of a mesh: ten times what a step of a minute takes, and what memory holds.
 const MOST_CELLS: f64 = 2e7;
+/// Cells of a rectangle that take so long to make that it is said before.
+const MANY_CELLS: f64 = 4e5;
 
 /// How the mesh moves; whether the mesh can follow is seen when it is there.
 fn check_motion(scene: &Scene, fluid: &Fluid, motion: &MeshMotion) -> Checked {
@@ -103,10 +105,7 @@ pub(super) fn check(scene: &Scene, fluid: &Fluid) -> Checked {
         check_boundary(scene, fluid, &format!("fluid.boundaries[{i}]"), boundary)?;
     }
     match &fluid.mesh {
-        MeshSource::Rectangle(rectangle) => {
-            check_rectangle(scene, rectangle)?;
-            scene.check_boundary_names(&names(scene, rectangle))
-        }
+        MeshSource::Rectangle(rectangle) => scene.check_boundary_names(&names(scene, rectangle)),
         MeshSource::File(file) if !file.is_file() => {
             let message = format!("`fluid.mesh.file`: there is no file {}", file.display());
             fail(scene, "fluid.mesh.file", message, "give a path relative to the folder of the scene")
@@ -238,7 +237,11 @@ fn check_schedule(scene: &Scene, path: &str, boundary: &Boundary) -> Checked {
     }
 }
 
-fn check_rectangle(scene: &Scene, rectangle: &Rectangle) -> Checked {
+/// A rectangle can be meshed, and has not more cells than memory: nothing is made for that.
+pub(super) fn check_mesh(scene: &Scene) -> Checked {
+    let Some(MeshSource::Rectangle(rectangle)) = scene.fluid.as_ref().map(|fluid| &fluid.mesh) else {
+        return Ok(());
+    };
     let path = "fluid.mesh.rectangle";
     if let Err(error) = rectangle.validate() {
         // The message begins with the key: `sides.left[0].to = 3 must lie between ..`.
@@ -289,13 +292,19 @@ fn check_rectangle(scene: &Scene, rectangle: &Rectangle) -> Checked {
         let zone = inside + 2.0 * length * reach + PI * reach.powi(2);
         parts.push((format!("refine[{i}].size"), of(zone.min(area), refinement.size)));
     }
-    match parts.into_iter().find(|(_, cells)| *cells > MOST_CELLS) {
+    match parts.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, cells)| *cells > MANY_CELLS) {
         None => Ok(()),
+        Some((key, cells)) if cells <= MOST_CELLS => {
+            tracing::warn!(
+                "`{path}.{key}` makes about {cells:.0e} triangles, which takes minutes; lengths are in metres"
+            );
+            Ok(())
+        }
         Some((key, cells)) => {
             let message = format!("`{path}.{key}` makes about {cells:.0e} triangles");
             let help = match key.ends_with("squares") {
                 true => "give fewer squares",
-                false => "give a larger size",
+                false => "give a larger size; lengths are in metres",
             };
             fail(scene, &format!("{path}.{key}"), message, help)
         }

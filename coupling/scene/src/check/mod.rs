@@ -22,6 +22,11 @@ type Checked = Result<(), Box<SceneError>>;
 /// Largest velocity of a grain at the start, m/s.
 const FAST: f64 = 1e5;
 
+/// A rectangle can be meshed: goes before walls along its boundary make the mesh.
+pub(super) fn mesh(scene: &Scene) -> Checked {
+    fluid::check_mesh(scene)
+}
+
 /// Checks that go before defaults are filled in: whether the tables fit together.
 pub(super) fn structure(scene: &Scene) -> Checked {
     let dimension = scene.dimension();
@@ -257,7 +262,11 @@ fn output(scene: &Scene) -> Checked {
     for (i, time) in output.snapshots.iter().enumerate() {
         not_negative(scene, &format!("output.snapshots[{i}]"), *time)?;
     }
-    for (key, asked) in [("output.contacts", output.contacts), ("output.stress", output.stress)] {
+    for (key, asked) in [
+        ("output.contacts", output.contacts),
+        ("output.stress", output.stress),
+        ("output.energy", output.energy),
+    ] {
         if asked && scene.grains.is_empty() {
             let message = format!("`{key} = true`, but there are no grains");
             return fail(scene, key, message, "add `[[grains]]`, or take it away");

@@ -51,9 +51,10 @@ const FILES: [&str; 10] = [
 ];
 
 /// Pictures of a run.
-const PICTURES: [&str; 13] = [
+const PICTURES: [&str; 14] = [
     "temperature.png",
     "pressure.png",
+    "energy.png",
     "packing.png",
     "velocity.png",
     "digging.png",

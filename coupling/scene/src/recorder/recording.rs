@@ -6,7 +6,7 @@ use super::{
 };
 use crate::network::{COMPONENTS, Network, StressColumns};
 use crate::stop::Slow;
-use crate::{Output, Scene};
+use crate::{Output, Scene, Time};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -77,8 +77,7 @@ pub type Reading = (Cow<'static, str>, f64);
 pub struct Recording {
     folder: OutputFolder,
     output: Output,
-    step: f64,
-    last_step: u64,
+    clock: Time,
     course: String,
     series: Series,
     grains: Collection,
@@ -130,7 +129,7 @@ impl Recording {
         create_folder(&at("frames"))?;
         let (time, kept) = (checkpoint.stamp.time, checkpoint.recorder::<Kept>()?);
         let (slow, was) = (kept.slow, kept.due);
-        let is = due(&scene.output, scene.time.step, scene.time.steps(), checkpoint.stamp.step);
+        let is = due(&scene.output, &scene.time, scene.time.steps(), checkpoint.stamp.step);
         let until = |due: bool| if due { time } else { time.next_down() };
         let series = Series::resume(
             &at("series.csv"),
@@ -160,8 +159,7 @@ impl Recording {
         Ok(Recording {
             folder,
             output: scene.output.clone(),
-            step: scene.time.step,
-            last_step: scene.time.steps(),
+            clock: scene.time.clone(),
             course: scene.course_toml()?,
             series,
             grains,
@@ -179,7 +177,7 @@ impl Recording {
 
     /// What is due after this many steps.
     pub fn due(&self, step: u64) -> Due {
-        due(&self.output, self.step, self.last_step, step)
+        due(&self.output, &self.clock, self.clock.steps(), step)
     }
 
     /// Writes what is due after this many steps, but for the checkpoint; returns the row of the series, if one is due.
@@ -234,7 +232,7 @@ impl Recording {
     /// What a checkpoint after so many steps has of this run beside the state of the simulation.
     pub fn kept(&self, step: u64) -> Kept {
         let (averages, slow, course) = (self.averages.clone(), self.slow, self.course.clone());
-        Kept { averages, slow, course, due: due(&self.output, self.step, u64::MAX, step) }
+        Kept { averages, slow, course, due: due(&self.output, &self.clock, u64::MAX, step) }
     }
 
     /// Writes the checkpoint, and the averages so far.
@@ -271,13 +269,13 @@ impl Recording {
     }
 }
 
-/// What is due after `step` steps of `dt` seconds in a run that ends after `last` steps.
-fn due(output: &Output, dt: f64, last: u64, step: u64) -> Due {
-    let time = step as f64 * dt;
+/// What is due after `step` steps in a run that ends after `last` steps.
+fn due(output: &Output, clock: &Time, last: u64, step: u64) -> Due {
+    let (time, dt) = (clock.after(step), clock.step);
     let steps = |interval: f64| (interval / dt).round().max(1.0) as u64;
     let every = |interval: Option<f64>| interval.is_some_and(|interval| step.is_multiple_of(steps(interval)));
     let at_the_ends = step == 0 || step == last;
-    let snapshot = output.snapshots.iter().any(|at| (at / dt).round() as u64 == step);
+    let snapshot = output.snapshots.iter().any(|at| clock.nearest(*at) == step);
     let slack = 0.5 * dt;
     let average = output.average.as_ref().is_some_and(|average| {
         let inside = time > average.from - slack && time < average.to + slack && step > 0;

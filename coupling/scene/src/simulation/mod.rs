@@ -2,6 +2,7 @@
 
 mod readings;
 mod state;
+mod wild;
 
 pub use state::State;
 
@@ -11,7 +12,7 @@ use crate::network::{self, Network, Since};
 use crate::placing::Placing;
 use crate::recorder::{Checkpoint, FluidView, GrainView, Summary, View};
 use crate::totals::{Overlap, Totals};
-use crate::{Output, Scene};
+use crate::{Output, Scene, Time};
 use readings::{bodies, turning};
 use voidage_coupling::backend::FluidBackend;
 use voidage_coupling::error::{Error, Notice, Result};
@@ -19,11 +20,12 @@ use voidage_coupling::{Agreement, Coupled, StepReport};
 use voidage_dem::Motion;
 use voidage_fluid::Vector;
 use voidage_remote::launch::Host;
+use wild::Drive;
 
 /// The coupled system of a plane scene, its step, and what has added up over the steps.
 pub struct Simulation {
     coupled: Coupled<2>,
-    dt: f64,
+    clock: Time,
     last: StepReport,
     totals: Totals,
     /// Mass (kg per metre of depth) and volume (m2) of the grains at time zero; those that are held excepted.
@@ -45,6 +47,8 @@ pub struct Simulation {
     network: Option<Network>,
     /// Events that have not taken place yet, the last first.
     events: Vec<Coming>,
+    /// What drives the fluid.
+    drive: Option<Drive>,
 }
 
 /// An event of the scene.
@@ -102,7 +106,7 @@ impl Simulation {
     pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<Self> {
         let coupled = build::placed(scene, host, placing)?;
         let bed = bed(&coupled);
-        let (last, totals, dt) = (StepReport::default(), Totals::default(), scene.time.step);
+        let (last, totals, clock) = (StepReport::default(), Totals::default(), scene.time.clone());
         let max_penetration = scene.contacts.clone().unwrap_or_default().max_penetration;
         let surface = coupled.grains().map_or(0.0, |grains| {
             let tops = grains.particles.position.iter().zip(&grains.particles.radius);
@@ -113,11 +117,12 @@ impl Simulation {
             let capacity = fluid.heat.as_ref().map_or(0.0, |heat| heat.heat_capacity);
             (fluid.density, fluid.density * capacity)
         });
+        let drive = Drive::of(scene, coupled.fluid().map(|fluid| &fluid.mesh));
         let (output, since) = (scene.output.clone(), Since::new());
         let network = Network::new(&output, &coupled, &since);
         Ok(Self {
             coupled,
-            dt,
+            clock,
             last,
             totals,
             bed,
@@ -130,6 +135,7 @@ impl Simulation {
             since,
             network,
             events: Coming::of(scene)?,
+            drive,
         })
     }
 
@@ -191,13 +197,17 @@ impl Simulation {
 
     /// Time, s.
     pub fn time(&self) -> f64 {
-        // Not the sum of the steps, whose last digits drift.
-        self.steps() as f64 * self.dt
+        self.clock.after(self.steps())
     }
 
     /// Steps done since time zero.
     pub fn steps(&self) -> u64 {
         self.coupled.steps()
+    }
+
+    /// Length of the last step, s; before the first, that of a step.
+    fn last_length(&self) -> f64 {
+        self.clock.length(self.steps().saturating_sub(1))
     }
 
     /// Sums and extremes over the steps of this process.
@@ -207,8 +217,7 @@ impl Simulation {
 
     /// Whether the last step is done: not if the run failed after some of its parts.
     pub fn is_between_steps(&self) -> bool {
-        let steps = self.coupled.time() / self.dt;
-        (steps - steps.round()).abs() <= 1e-3
+        (self.coupled.time() - self.time()).abs() <= 1e-3 * self.clock.step
     }
 
     /// Weight of the grains at time zero less buoyancy, (m - rho_f V) g over the extent of the mesh across gravity, Pa;
@@ -273,9 +282,18 @@ impl Simulation {
         let (step, time) = (self.steps() + 1, self.time());
         self.change_laws(step - 1, |event, steps| event.after <= steps)
             .map_err(|error| in_step(step, time, error))?;
-        let report = self.coupled.step(self.dt).map_err(|error| in_step(step, time, error))?;
+        let report =
+            self.coupled.step(self.clock.length(step - 1)).map_err(|error| in_step(step, time, error))?;
         self.last = report;
         self.totals.add(step, &report);
+        if let (Some(missed), Some(grains)) =
+            (report.grains.map(|g| g.missed_rebounds), self.coupled.grains())
+            && missed > 0.0
+        {
+            let (all, most) = &mut self.totals.missed_rebounds;
+            (*all, *most) = (*all + missed, most.max(grains.particles.kinetic_energy()));
+        }
+        self.check_speed().map_err(|error| in_step(step, time, error))?;
         if let Some(grains) = self.coupled.grains().filter(|_| self.output.contacts) {
             network::age(&mut self.since, grains, time);
         }
@@ -323,7 +341,8 @@ impl Simulation {
     fn too_deep(&self, overlap: Overlap) -> Notice {
         let (step, time, allowed) = (self.steps(), self.time(), self.max_penetration);
         let names = overlap.names(|wall| self.wall_name(wall));
-        let unsolved = match self.last.grains.filter(|grains| !grains.converged) {
+        let tolerance = self.coupled.grains().map_or(0.0, |grains| grains.settings().tolerance);
+        let unsolved = match self.last.grains.filter(|grains| grains.error > tolerance) {
             Some(grains) => {
                 let residual = grains.residual;
                 format!(

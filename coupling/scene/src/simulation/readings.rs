@@ -24,6 +24,13 @@ impl Simulation {
                 ("contact_residual".into(), step.residual),
                 ("substeps".into(), step.substeps as f64),
             ]);
+            if self.output.energy {
+                let (energy, kinetic) = (grains.energy(), grains.particles.kinetic_energy());
+                readings.push(("kinetic_energy_J_per_m".into(), kinetic));
+                let terms = energy.terms().into_iter();
+                readings.extend(terms.map(|(name, term)| (format!("energy_{name}_J_per_m").into(), term)));
+                readings.push(("energy_defect".into(), energy.defect(kinetic)));
+            }
             for (name, walls) in &self.bodies {
                 let force: Vector<2> = walls.iter().map(|wall| grains.wall_force()[*wall]).sum();
                 for (axis, force) in ["x", "y"].iter().zip(force.iter()) {
@@ -45,7 +52,7 @@ impl Simulation {
             self.boundary_readings(fluid, &mut readings);
             self.remesh_readings(fluid, &mut readings);
             if let Some(droplet) = &fluid.droplet {
-                droplet_readings(droplet, (self.dt, self.surface), &mut readings);
+                droplet_readings(droplet, (self.last_length(), self.surface), &mut readings);
             }
         }
         if let Some(interaction) = self.coupled.interaction() {
@@ -58,7 +65,7 @@ impl Simulation {
                 ("grains".into(), interaction.force.len() as f64),
                 ("grains_left".into(), interaction.departed as f64),
                 ("mass_left_kg_per_m".into(), interaction.departed_mass),
-                ("solid_inflow_m2_per_s".into(), last.appeared.unwrap_or_default() / self.dt),
+                ("solid_inflow_m2_per_s".into(), last.appeared.unwrap_or_default() / self.last_length()),
                 ("solid_volume_defect".into(), last.solid_volume_defect.unwrap_or_default()),
                 ("momentum_exchange_defect".into(), last.momentum_exchange_defect.unwrap_or_default()),
             ]);
@@ -85,7 +92,7 @@ impl Simulation {
             readings.extend([
                 (format!("{kind}_{name}_grains").into(), passed.grains as f64),
                 (format!("{kind}_{name}_mass_kg_per_m").into(), passed.mass),
-                (format!("{kind}_{name}_mass_flow_kg_per_s_per_m").into(), passed.last / self.dt),
+                (format!("{kind}_{name}_mass_flow_kg_per_s_per_m").into(), passed.last / self.last_length()),
             ]);
         };
         for (source, fed) in passage.sources.iter().zip(&passage.state().fed) {

@@ -95,9 +95,10 @@ impl State {
 impl Simulation {
     /// The simulation at a state.
     pub(super) fn at(mut self, state: State) -> Result<Self> {
-        let steps = (state.time / self.dt).round();
-        if (steps * self.dt - state.time).abs() > 1e-3 * self.dt {
-            let (time, step) = (Rounded(state.time), Rounded(self.dt));
+        let dt = self.clock.step;
+        let steps = (state.time / dt).round();
+        if (steps * dt - state.time).abs() > 1e-3 * dt {
+            let (time, step) = (Rounded(state.time), Rounded(dt));
             let what =
                 format!("the checkpoint is at t = {time} s, which is no whole number of steps of {step} s");
             return Err(Error::input(Notice::new(what, "give a `time.step` that divides that time")));

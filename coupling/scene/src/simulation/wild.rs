@@ -1,0 +1,141 @@
+//! A fluid that is faster than all that drives it could make it: the solution is wrong, however well it is solved.
+
+use super::Simulation;
+use crate::{Flow, Fluid, Scene};
+use voidage_coupling::error::{Error, Notice, Result};
+use voidage_fluid::{Mesh, Vector};
+
+/// Speeds over what drives the fluid that are out of all proportion.
+const WILD: f64 = 100.0;
+
+/// What drives the fluid of a scene, from the keys.
+pub(super) struct Drive {
+    /// Speed that gravity and pressures give over the extent of the mesh, and that of the start, m/s.
+    speed: f64,
+    /// Acceleration that acts all the time, m/s2.
+    acceleration: f64,
+    /// What flows through boundaries, m2/s: all of it may pass between two nodes.
+    inflow: f64,
+    /// Shortest edge, m.
+    edge: f64,
+}
+
+impl Drive {
+    pub fn of(scene: &Scene, mesh: Option<&Mesh<2>>) -> Option<Self> {
+        let (fluid, mesh) = (scene.fluid.as_ref()?, mesh?);
+        let (lower, upper) = mesh.bounds();
+        let body = fluid.body_force.as_ref().map_or(0.0, |force| force.vector::<2>().norm());
+        let head = scene.gravity.vector::<2>().norm() * (upper - lower).norm();
+        let pressures = || {
+            fluid.boundaries.iter().filter_map(|boundary| match boundary.flow {
+                Flow::Open { pressure } => Some(pressure),
+                _ => None,
+            })
+        };
+        let [low, high] = [f64::min, f64::max].map(|choose| pressures().reduce(choose).unwrap_or(0.0));
+        let start = fluid.initial_velocity.as_ref().map_or(0.0, |velocity| velocity.vector::<2>().norm());
+        Some(Self {
+            speed: start + (2.0 * (head + (high - low) / fluid.density)).sqrt(),
+            acceleration: body,
+            inflow: inflow(fluid, mesh),
+            edge: shortest_edge(mesh),
+        })
+    }
+}
+
+/// What flows through the boundaries at most, m2/s.
+fn inflow(fluid: &Fluid, mesh: &Mesh<2>) -> f64 {
+    let through = fluid.boundaries.iter().map(|boundary| {
+        let (Flow::Velocity(velocity) | Flow::SuperficialVelocity(velocity)) = &boundary.flow else {
+            return 0.0;
+        };
+        let length = mesh.boundary(&boundary.name).map_or(0.0, |part| part.measure(mesh));
+        let factor = boundary.schedule.iter().fold(0.0_f64, |most, row| most.max(row[1].abs()));
+        let factor = if boundary.schedule.is_empty() { 1.0 } else { factor };
+        velocity.vector::<2>().norm() * length * factor
+    });
+    through.sum()
+}
+
+fn shortest_edge(mesh: &Mesh<2>) -> f64 {
+    let edges = mesh.cells.chunks_exact(3).flat_map(|cell| {
+        [0, 1, 2].map(|k| (mesh.points[cell[k] as usize] - mesh.points[cell[(k + 1) % 3] as usize]).norm())
+    });
+    edges.fold(f64::INFINITY, f64::min)
+}
+
+impl Simulation {
+    /// Whether the fluid is no faster than what drives it could make it: gravity, pressures, what flows in,
+    /// grains and the mesh.
+    ///
+    /// # Errors
+    /// It is: where, and how fast.
+    pub(super) fn check_speed(&self) -> Result<()> {
+        let (Some(drive), Some(fluid)) = (&self.drive, self.coupled.fluid()) else { return Ok(()) };
+        // A droplet boils by the heat that its grains give, and its vapour may be as fast as it likes.
+        if fluid.droplet.as_ref().is_some_and(|droplet| !droplet.state.gone) {
+            return Ok(());
+        }
+        let speeds = fluid.accepted.velocity.iter().map(Vector::norm);
+        let (node, fastest) =
+            speeds.enumerate().fold((0, 0.0), |most, now| if now.1 > most.1 { now } else { most });
+        let given = drive.speed + drive.acceleration * self.time() + drive.inflow / drive.edge;
+        if fastest <= WILD * given {
+            return Ok(());
+        }
+        // Only now is it worth the time to look at what moves.
+        let ends = self.coupled.grains().map_or(&[][..], |grains| grains.walls());
+        let walls = ends.iter().flat_map(|wall| {
+            let [before, after] = [self.time() - self.last_length(), self.time()].map(|time| wall.at(time));
+            [0, 1].map(|k| (after[k] - before[k]).norm() / self.last_length())
+        });
+        let mesh = fluid.mesh_velocity().unwrap_or(&[]).iter().map(Vector::norm);
+        let moved = walls.chain(mesh).fold(self.fastest(), f64::max);
+        if fastest <= WILD * (given + moved) {
+            return Ok(());
+        }
+        let [x, y] = [0, 1].map(|axis| fluid.mesh.points[node][axis]);
+        Err(Error::run(Notice::new(
+            format!(
+                "the fluid has {fastest:.3e} m/s at ({x:.4e}, {y:.4e}), and all that drives it (gravity, pressures, what \
+                 flows in, grains, walls) would give it {:.3e} m/s",
+                given + moved
+            ),
+            "the step may be too long, elements far smaller than solid grains (see coupling.kernel and solidity), or a \
+             fluid solver wrong: frames and the last checkpoint show where it began",
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOX: &str = r#"
+gravity = [0.0, 0.0]
+time = { step = 1e-2, end = 1.0 }
+[fluid]
+density = 1.0
+viscosity = 1e-2
+boundaries = [{ name = "in", flow = { superficial_velocity = [1.0, 0.0] } }, { name = "out", flow = "open" },
+    { name = "side", flow = "slip" }]
+mesh.rectangle = { lower = [0.0, 0.0], upper = [1.0, 1.0], size = 0.25, sides = { left = "in", right = "out", top = "side", bottom = "side" } }
+"#;
+
+    /// A fluid of 1e27 m/s was the result of a run that said "done".
+    #[test]
+    fn a_fluid_that_is_faster_than_what_drives_it_ends_the_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.toml");
+        std::fs::write(&file, BOX).unwrap();
+        let scene = Scene::read(&file, &[]).unwrap();
+        let mut simulation = Simulation::new(&scene).unwrap();
+        simulation.step().unwrap();
+        assert!(simulation.check_speed().is_ok());
+        if let Some(fluid) = simulation.coupled_mut().fluid_mut() {
+            fluid.accepted.velocity[3] = Vector::<2>::new(0.0, 1e27);
+        }
+        let said = simulation.check_speed().unwrap_err().notice().what;
+        assert!(said.contains("1.000e27 m/s at (") && said.contains("would give it"), "{said}");
+    }
+}
