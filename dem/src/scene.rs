@@ -5,7 +5,7 @@ use crate::contact::Contact;
 use crate::laws::{self, Law, Laws};
 use crate::memory::WALL;
 use crate::parallel;
-use crate::passing::{Side, passed, passed_wall};
+use crate::passing::{Side, beside_ball, beside_wall};
 use crate::rolling::Rolling;
 use crate::space::Vector;
 use crate::walls::{Placed, Wall};
@@ -226,9 +226,12 @@ impl<const D: usize> Scene<'_, D> {
         let normal = if distance > 0.0 { arm / distance } else { crate::space::first_axis() };
         let gap = distance - p.radius[i] - p.radius[j];
         let (a, b) = (p.material[i], p.material[j]);
-        let way = self.free_way(slots, bodies);
-        let side = Side { normal, gap }.unless_missed(&way, || passed(&arm, &way, p.radius[i] + p.radius[j]));
-        let before = (p.velocity[j] - p.velocity[i]).dot(&side.normal);
+        let start = p.velocity[j] - p.velocity[i];
+        let side = match gap > 0.0 {
+            true => beside_ball(&arm, &self.free_way(slots, bodies), p.radius[i] + p.radius[j]),
+            false => Side { normal, gap },
+        };
+        let before = start.dot(&side.normal);
         let law = self.law_between(a, b);
         let contact = self.contact(slots, side, before, law, bodies);
         (contact, gap)
@@ -266,11 +269,12 @@ impl<const D: usize> Scene<'_, D> {
         let distance = arm.norm();
         let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
         let gap = distance - p.radius[i];
-        let way = self.free_way(slots, bodies);
-        let endless = self.settings.period.spans(&placed.points);
-        let missed = || if endless { None } else { passed_wall(placed, &centre, &way, p.radius[i]) };
-        let side = Side { normal, gap }.unless_missed(&way, missed);
-        let before = (bodies.velocity(slots[1] as usize) - p.velocity[i]).dot(&side.normal);
+        let start = bodies.velocity(slots[1] as usize) - p.velocity[i];
+        let side = match gap > 0.0 && !self.settings.period.spans(&placed.points) {
+            true => beside_wall(placed, &centre, &self.free_way(slots, bodies), p.radius[i]),
+            false => Side { normal, gap },
+        };
+        let before = start.dot(&side.normal);
         let law = self.law_at(w, p.material[i]);
         let contact = self.contact(slots, side, before, law, bodies);
         (contact, gap)

@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done; 1 the run failed (solver, disk) or was interrupted; 2 the input is wrong.
 
+mod again;
 mod analyse;
 pub mod cases;
 mod check;

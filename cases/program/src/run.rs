@@ -1,5 +1,6 @@
 //! `voidage run`: the loop around the steps.
 
+use crate::again;
 use crate::cases;
 use crate::ending::{Ending, Saved};
 use crate::placing;
@@ -28,13 +29,13 @@ use voidage_scene::{Change, Scene, Solver, Watch};
 #[derive(Args)]
 pub struct Options {
     /// Scene file (TOML), or the name of a shipped case.
-    scene: PathBuf,
-    /// Folder of results. Default: `out/` and the name of the scene.
+    pub scene: PathBuf,
+    /// Folder of results. Default: `out/` and the name of the scene; for a restart, the folder of its checkpoint.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Change a key of the scene: `fluid.boundaries.inflow.flow.superficial_velocity=[0,1.2]` (may be repeated).
     #[arg(long = "set", value_name = "KEY=VALUE")]
-    sets: Vec<String>,
+    pub sets: Vec<String>,
     /// Go on from a checkpoint of this scene. With other laws, boundary conditions or other keys that the run can go on
     /// with, into another folder (--out).
     #[arg(long, value_name = "FILE")]
@@ -47,16 +48,16 @@ pub struct Options {
     until: Option<f64>,
     /// Number of threads; results do not depend on it. Default: one per core.
     #[arg(long)]
-    threads: Option<usize>,
+    pub threads: Option<usize>,
     /// Coupling scheme, instead of that of the scene.
     #[arg(long, value_parser = schemes())]
-    scheme: Option<String>,
+    pub scheme: Option<String>,
     /// Fluid solver, instead of that of the scene: rust; in a process of its own serve (the same), fenicsx, scikit-fem
     /// or python:MODULE; or one that is started by hand, attach:ADDRESS (shm:NAME or tcp:HOST:PORT).
     #[arg(long)]
-    fluid: Option<String>,
+    pub fluid: Option<String>,
     #[command(flatten)]
-    process: Process,
+    pub process: Process,
     /// No progress, only warnings and results.
     #[arg(long)]
     pub quiet: bool,
@@ -67,10 +68,10 @@ pub struct Options {
 pub struct Process {
     /// How frames reach the process of a fluid solver.
     #[arg(long, value_parser = ["shm", "tcp"])]
-    transport: Option<String>,
+    pub transport: Option<String>,
     /// Longest time without a sign of life from the process of a fluid solver, s.
     #[arg(long, value_name = "S")]
-    timeout: Option<f64>,
+    pub timeout: Option<f64>,
     /// What a fluid solver that is started by hand (attach:tcp:..) must greet with; other processes of this machine see
     /// arguments, but not the variable.
     #[arg(long, env = TOKEN_VARIABLE, hide_env_values = true, value_name = "WORD")]
@@ -143,36 +144,6 @@ pub fn default_folder(scene: &Path) -> PathBuf {
     Path::new("out").join(name)
 }
 
-/// The folder of a checkpoint, where it holds a run of the same scene.
-fn own_folder(checkpoint: &Path, hash: &str) -> Option<PathBuf> {
-    let folder =
-        checkpoint.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let there = Scene::read(&folder.join("scene.toml"), &[]).and_then(|scene| scene.hash()).ok()?;
-    (there == hash).then(|| folder.to_path_buf())
-}
-
-/// The command line that goes on from the checkpoint in a folder with the same options.
-fn again(options: &Options, folder: &Path) -> String {
-    let mut words =
-        vec![options.scene.display().to_string(), "--out".to_owned(), folder.display().to_string()];
-    let mut option = |name: &str, value: Option<String>| {
-        words.extend(value.into_iter().flat_map(|value| [name.to_owned(), value]));
-    };
-    options.sets.iter().for_each(|set| option("--set", Some(set.clone())));
-    option("--scheme", options.scheme.clone());
-    option("--fluid", options.fluid.clone());
-    option("--transport", options.process.transport.clone());
-    option("--timeout", options.process.timeout.map(|seconds| seconds.to_string()));
-    option("--threads", options.threads.map(|threads| threads.to_string()));
-    option("--restart", Some(folder.join(CHECKPOINT).display().to_string()));
-    let plain = |c: char| c.is_alphanumeric() || "-_./=+,:@%".contains(c);
-    let quoted = words.iter().map(|word| match word.chars().all(plain) && !word.is_empty() {
-        true => word.clone(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    });
-    format!("voidage run {}", quoted.collect::<Vec<_>>().join(" "))
-}
-
 /// How the steps of a run ended.
 enum Ended {
     /// At `time.end`.
@@ -207,40 +178,6 @@ struct Run {
 /// Wall time between checkpoints where the scene does not say when to write them.
 const AUTOSAVE: Duration = Duration::from_secs(60);
 
-/// The folder of a run that goes on from a checkpoint, and whether it is that of the run that wrote it.
-fn continued(
-    folder: &Path,
-    file: &Path,
-    checkpoint: &Checkpoint,
-    changes: &[Change],
-    overwrite: bool,
-) -> Result<(OutputFolder, bool)> {
-    let absolute = |path: &Path| path.canonicalize().ok();
-    if overwrite && file.parent().and_then(absolute).is_some_and(|parent| Some(parent) == absolute(folder)) {
-        let what = format!("--overwrite would remove the run that {} is of", file.display());
-        return Err(Error::input(Notice::new(what, "give another folder with --out")));
-    }
-    let there = Scene::read(&folder.join("scene.toml"), &[]).and_then(|scene| scene.hash()).ok();
-    let same = there.is_some_and(|hash| hash == checkpoint.stamp.scene_hash);
-    if same && !changes.is_empty() && !overwrite {
-        let what = format!(
-            "{}: holds the run that the checkpoint is of, without the change `{}`",
-            folder.display(),
-            changes[0]
-        );
-        return Err(Error::input(Notice::new(
-            what,
-            "give another folder with --out: two runs in one would mix",
-        )));
-    }
-    let earlier = match (overwrite, same) {
-        (true, _) => Earlier::Overwrite,
-        (false, true) => Earlier::Continue,
-        (false, false) => Earlier::Keep,
-    };
-    Ok((OutputFolder::take(folder, earlier)?, earlier == Earlier::Continue))
-}
-
 /// The step that ends a run with `--until`.
 fn until(scene: &Scene, options: &Options, start: f64) -> Result<Option<u64>> {
     let Some(time) = options.until else { return Ok(None) };
@@ -274,7 +211,9 @@ impl Run {
         let hash = scene.hash()?;
         let folder = match (&options.out, &options.restart) {
             (Some(folder), _) => folder.clone(),
-            (None, Some(file)) => own_folder(file, &hash).unwrap_or_else(|| default_folder(&options.scene)),
+            (None, Some(file)) => {
+                again::own_folder(file, &hash).unwrap_or_else(|| default_folder(&options.scene))
+            }
             (None, None) => default_folder(&options.scene),
         };
         let host = options.process.host(folder.join("solver.log"));
@@ -303,7 +242,7 @@ impl Run {
                 let checkpoint = Checkpoint::open(file)?;
                 changes = scene.changes_since(&checkpoint)?;
                 until_step = until(scene, options, checkpoint.stamp.time)?;
-                let (output, same) = continued(&folder, file, &checkpoint, &changes, options.overwrite)?;
+                let (output, same) = again::folder(&folder, file, &checkpoint, &changes, options.overwrite)?;
                 let mut simulation = Simulation::restarted(scene, &host, &checkpoint)?;
                 if simulation.steps() >= scene.time.steps() {
                     let (time, end) = (Rounded(simulation.time()), scene.time.end);
@@ -343,7 +282,7 @@ impl Run {
             folder.display()
         );
         let stamp = Stamp { scene_hash: hash, step: simulation.steps(), time: simulation.time() };
-        let again = again(options, &folder);
+        let again = again::command(options, &folder);
         let autosave = scene.output.checkpoint_interval.is_none().then(Instant::now);
         let watch = Watch::new(scene.stop.as_ref(), recording.slow);
         Ok(Run {

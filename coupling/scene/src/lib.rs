@@ -172,10 +172,11 @@ impl Time {
         if short { left } else { self.step }
     }
 
-    /// Time after so many steps, s. It is not their sum, whose last digits drift.
+    /// Time after so many steps, s, also beyond the end. It is not their sum, whose last digits drift.
     pub fn after(&self, steps: u64) -> f64 {
-        match steps.checked_sub(1).filter(|last| steps == self.steps() && self.length(*last) < self.step) {
-            Some(_) => self.end,
+        let last = self.steps();
+        match steps.checked_sub(last).filter(|_| self.length(last - 1) < self.step) {
+            Some(beyond) => self.end + beyond as f64 * self.step,
             None => steps as f64 * self.step,
         }
     }

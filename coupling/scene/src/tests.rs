@@ -121,6 +121,7 @@ fn the_last_step_ends_where_the_run_does() {
         assert!((0..last - 1).all(|steps| time.length(steps) == step));
         // A caller that steps on takes whole steps.
         assert_eq!(time.length(last), step);
+        approx::assert_relative_eq!(time.after(last + 2), end + 2.0 * step, max_relative = 1e-15);
     }
 }
 

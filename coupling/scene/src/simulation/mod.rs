@@ -311,6 +311,7 @@ impl Simulation {
             // The last one has the changes of all.
             if self.events.last().is_none_or(|next| !due(next, steps)) {
                 build::change(&mut self.coupled, &event.scene, scheme)?;
+                self.drive_by(&event.scene);
             }
         }
         Ok(())

@@ -150,6 +150,7 @@ impl Simulation {
             passage.restore(passed);
         }
         self.since = state.since;
+        self.drive_from_here();
         Ok(self)
     }
 
