@@ -29,7 +29,6 @@ pub mod packing;
 mod parallel;
 mod particles;
 mod passage;
-mod passing;
 mod penetration;
 mod period;
 mod rebound;

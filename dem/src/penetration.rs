@@ -69,11 +69,11 @@ impl<const D: usize> Moved<'_, D> {
     }
 }
 
-/// The shortest arm on a way by which its end goes evenly.
-pub(crate) fn nearest_on_way<const D: usize>(arm: &Vector<D>, way: &Vector<D>) -> Vector<D> {
+/// The least length of an arm that changes evenly by a way.
+pub(crate) fn nearest_on_way<const D: usize>(arm: &Vector<D>, way: &Vector<D>) -> f64 {
     let square = way.norm_squared();
     let share = if square > 0.0 { (-arm.dot(way) / square).clamp(0.0, 1.0) } else { 0.0 };
-    arm + way * share
+    (arm + way * share).norm()
 }
 
 /// Whether a point that goes straight from a place beside a wall to a place beside where the wall is then passes

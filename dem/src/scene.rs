@@ -5,7 +5,6 @@ use crate::contact::Contact;
 use crate::laws::{self, Law, Laws};
 use crate::memory::WALL;
 use crate::parallel;
-use crate::passing::{Side, beside_ball, beside_wall};
 use crate::rolling::Rolling;
 use crate::space::Vector;
 use crate::walls::{Placed, Wall};
@@ -226,20 +225,10 @@ impl<const D: usize> Scene<'_, D> {
         let normal = if distance > 0.0 { arm / distance } else { crate::space::first_axis() };
         let gap = distance - p.radius[i] - p.radius[j];
         let (a, b) = (p.material[i], p.material[j]);
-        let start = p.velocity[j] - p.velocity[i];
-        let side = match gap > 0.0 {
-            true => beside_ball(&arm, &self.free_way(slots, bodies), p.radius[i] + p.radius[j]),
-            false => Side { normal, gap },
-        };
-        let before = start.dot(&side.normal);
+        let before = (p.velocity[j] - p.velocity[i]).dot(&normal);
         let law = self.law_between(a, b);
-        let contact = self.contact(slots, side, before, law, bodies);
+        let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
-    }
-
-    /// How far the second body goes past the first in the sub-step if no contact does anything.
-    fn free_way(&self, [i, j]: [u32; 2], bodies: &Bodies<D>) -> Vector<D> {
-        (bodies.velocity(j as usize) - bodies.velocity(i as usize)) * self.h
     }
 
     /// The image of a point that may touch a wall.
@@ -269,14 +258,9 @@ impl<const D: usize> Scene<'_, D> {
         let distance = arm.norm();
         let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
         let gap = distance - p.radius[i];
-        let start = bodies.velocity(slots[1] as usize) - p.velocity[i];
-        let side = match gap > 0.0 && !self.settings.period.spans(&placed.points) {
-            true => beside_wall(placed, &centre, &self.free_way(slots, bodies), p.radius[i]),
-            false => Side { normal, gap },
-        };
-        let before = start.dot(&side.normal);
+        let before = (bodies.velocity(slots[1] as usize) - p.velocity[i]).dot(&normal);
         let law = self.law_at(w, p.material[i]);
-        let contact = self.contact(slots, side, before, law, bodies);
+        let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
     }
 
@@ -285,7 +269,8 @@ impl<const D: usize> Scene<'_, D> {
     fn contact(
         &self,
         [i, j]: [u32; 2],
-        Side { normal, gap }: Side<D>,
+        normal: Vector<D>,
+        gap: f64,
         before: f64,
         [restitution, friction, _]: Law,
         bodies: &Bodies<D>,

@@ -280,8 +280,7 @@ impl<const D: usize> Search<D> {
             let j = self.grid.grain_of[slot] as usize;
             let reach = r + p.radius[j];
             let arm = period.nearest(p.position[j] - x);
-            let overlap =
-                reach - nearest_on_way(&arm, &((problem.bodies.velocity(slot) - v) * scene.h)).norm();
+            let overlap = reach - nearest_on_way(&arm, &((problem.bodies.velocity(slot) - v) * scene.h));
             let was_far = arm.norm() > reach * (1.0 + SKIN);
             free &= !(was_far && overlap > MISSED * r.min(p.radius[j]));
         });
@@ -293,7 +292,7 @@ impl<const D: usize> Search<D> {
             let clear = r * (1.0 - MISSED);
             let passes_ends = || {
                 let mut ends = wall.points.iter().zip(&moved.points);
-                ends.any(|(from, to)| nearest_on_way(&(from - x), &((to - end) - (from - x))).norm() <= clear)
+                ends.any(|(from, to)| nearest_on_way(&(from - x), &((to - end) - (from - x))) <= clear)
             };
             was_near
                 || (moved.point(moved.nearest(&end)) - end).norm() > clear

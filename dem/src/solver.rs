@@ -33,7 +33,6 @@ use crate::bodies::Bodies;
 use crate::coarse::Coarse;
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
 use crate::interior::{self, Free, Friction};
-use crate::parallel;
 use crate::rolling::Rolling;
 use crate::space::Vector;
 use awake::Awake;
@@ -330,20 +329,6 @@ impl<const D: usize> Problem<D> {
         relative::<L, D>(&self.bodies, c)
     }
 
-    /// Takes impulses for none that are no more than the rounding of the momenta of their bodies: whether they are there,
-    /// and with them a way for heat, would depend on where the origin is.
-    pub fn drop_rounding(&mut self) {
-        let bodies = &self.bodies;
-        parallel::each_chunk(&mut self.contacts, &|_, contacts| {
-            for c in contacts.iter_mut().filter(|c| c.acts()) {
-                let speed = bodies.velocity(c.i as usize).norm() + bodies.velocity(c.j as usize).norm();
-                if c.impulse.norm() <= NO_PUSH * c.mass_n * speed {
-                    c.impulse = Vector::zeros();
-                }
-            }
-        });
-    }
-
     /// Adds all impulses to the velocities: the warm start, and the exact velocities at the end.
     pub fn apply_impulses(&mut self) {
         let (bodies, tiles, rolling) = (&self.bodies, &self.tiles, &self.rolling);
@@ -366,9 +351,6 @@ impl<const D: usize> Problem<D> {
         over_colours(&self.tiles, &mut self.contacts, &mut [], FORK_CONTACTS, tile);
     }
 }
-
-/// Rounding of the sums of impulses on a body, as a share of its momentum.
-const NO_PUSH: f64 = 1e-13;
 
 /// The smaller radius of a contact, m; walls have none.
 #[inline(always)]

@@ -40,6 +40,12 @@ const MISTAKES: &[Mistake] = &[
         &["grains[0].raduis", "did you mean `radius`?"],
     ),
     mistake(
+        "a word of another program; the error pointed at its value",
+        ["radius = { uniform = [5e-4, 6e-4] }", "diameter = 1e-3"],
+        "diameter",
+        &["grains[0].diameter", "here it is `radius`, half of it", ":1]"],
+    ),
+    mistake(
         "a key of an earlier version",
         ["[fluid.mesh", "[fluid.solver]\ndrag_in_stabilisation = true\n\n[fluid.mesh"],
         "drag_in_stabilisation",

@@ -63,6 +63,23 @@ time.step = [4e-3, 2e-3, 1e-3]
 fluid.mesh.rectangle.size = [4e-3, 3e-3]
 "#;
 
+/// A shipped case by its name, settings that change together, and no reference: values, no errors.
+const TABLE: &str = r#"
+title = "Two liquids"
+case = { scene = "settling-grain" }
+set = { time.end = 0.02 }
+reference = "none"
+
+[[quantities]]
+name = "velocity"
+of = { grain = { number = 0, column = "velocity", axis = 1 } }
+at = [0.01, 0.02]
+
+[[sweeps]]
+points = [{ time.step = 1e-2, fluid.viscosity = 1e-3 }, { time.step = 5e-3, fluid.viscosity = 2e-3 }]
+vary = { coupling.scheme = ["henry", "explicit"] }
+"#;
+
 fn voidage() -> Command {
     Command::new(env!("CARGO_BIN_EXE_voidage"))
 }
@@ -203,6 +220,58 @@ fn stopped_by(signal: &str, folder: &Path) -> Option<i32> {
     child.wait().unwrap().code()
 }
 
+/// A sweep had to vary key by key, needed errors, and knew no shipped case.
+#[test]
+fn a_study_is_a_table_of_values_over_settings_that_change_together() {
+    let folder = folder(TABLE);
+    let said = study(folder.path(), "out", &[]);
+    let rows = results(&folder.path().join("out"));
+    assert_eq!(rows.len(), 4);
+    assert!(said.lines().count() >= 5 && said.contains("velocity_at_0.01_s"), "{said}");
+    assert!(
+        !rows[0].keys().any(|column| column.contains("error") || column == "is_reference"),
+        "{:?}",
+        rows[0]
+    );
+    let of = |rows: &[BTreeMap<String, String>], step: f64, scheme: &str| {
+        let row =
+            rows.iter().find(|row| number(row, "time.step") == step && row["coupling.scheme"] == scheme);
+        let row = row.unwrap();
+        [number(row, "fluid.viscosity"), number(row, "velocity_at_0.01_s"), number(row, "velocity_at_0.02_s")]
+    };
+    for scheme in ["henry", "explicit"] {
+        let [thin, viscous] = [1e-2, 5e-3].map(|step| of(&rows, step, scheme));
+        assert_eq!([thin[0], viscous[0]], [1e-3, 2e-3]);
+        assert!(thin[2] < viscous[2] && viscous[2] < 0.0 && thin[2] < thin[1], "{thin:?} {viscous:?}");
+    }
+    // Along a key of the points there are curves, of the same runs, and a picture.
+    let refined = TABLE.replace("points =", "refine = \"time.step\"\npoints =");
+    fs::write(folder.path().join("study.toml"), refined).unwrap();
+    study(folder.path(), "refined", &[]);
+    let curves = results(&folder.path().join("refined"));
+    assert_eq!(curves.iter().filter(|row| row["curve"] == "henry").count(), 2);
+    assert_eq!(of(&curves, 5e-3, "explicit"), of(&rows, 5e-3, "explicit"));
+    assert!(
+        folder.path().join("refined/study.png").is_file() && !folder.path().join("out/study.png").exists()
+    );
+}
+
+/// Which of two runs that take as long is the better one is not known.
+#[test]
+fn the_finest_of_runs_that_cost_the_same_was_any_of_them() {
+    let folder = folder(&SMALL_BED.replace("coupling.scheme = \"henry\" }", "threads = 1 }"));
+    let path = folder.path().join("study.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    let schemes = "[sweeps.vary]\ncoupling.scheme = [\"henry\", \"explicit\"]";
+    fs::write(&path, text.replace("[sweeps.vary]", schemes)).unwrap();
+    let output = voidage().current_dir(folder.path()).args(["study", "study.toml"]).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for part in ["2 runs are estimated to take as long", "scheme=explicit", "reference = { run"] {
+        assert!(said.contains(part), "{said}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_study_that_was_killed_or_interrupted_goes_on_where_it_stopped() {
@@ -309,6 +378,17 @@ const MISTAKES: &[([&str; 2], &str, &[&str])] = &[
     (["reference =", "target = nan\nreference ="], "target =", &["finite"]),
 ];
 
+/// In the table of values.
+const MISTAKES_IN_TABLES: &[([&str; 2], &str, &[&str])] = &[
+    (["\"settling-grain\"", "\"settling\""], "case =", &["no shipped case", "settling-grain-light"]),
+    (["\"none\"", "\"exact\""], "name =", &["has no known values"]),
+    (["\"none\"", "\"finest\""], "[[sweeps]]", &["has no `refine`", "coupling.scheme, fluid.viscosity"]),
+    (["at = [0.01, 0.02]", "exact = [0.1]"], "exact =", &["compared with nothing", "leave out `exact`"]),
+    (["5e-3, fluid.viscosity = 2e-3", "5e-3"], "points =", &["points[1]", "same keys"]),
+    (["vary = {", "vary = { time.step = [1e-3],"], "points =", &["time.step", "in `vary` too"]),
+    (["5e-3, fluid.viscosity = 2e-3", "5e-3, fluid.viscosity = -1.0"], "points =", &["viscosity", "-1"]),
+];
+
 const MISTAKES_WITH_SCENES: &[([&str; 2], &str, &[&str])] = &[
     (
         ["time.step = [", "time.stepp = [1e-3]\ntime.step = ["],
@@ -341,6 +421,7 @@ fn mistakes_are_named_with_file_line_value_and_remedy() {
     let with =
         |text| move |mistake: &([&'static str; 2], &'static str, &'static [&'static str])| (text, *mistake);
     let all = MISTAKES.iter().map(with(SLIP)).chain(MISTAKES_WITH_SCENES.iter().map(with(SMALL_BED)));
+    let all = all.chain(MISTAKES_IN_TABLES.iter().map(with(TABLE)));
     for (good, ([from, to], line, says)) in all {
         assert!(good.contains(from), "{from} is not in the study");
         let text = good.replacen(from, to, 1);

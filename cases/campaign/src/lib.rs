@@ -10,6 +10,7 @@ pub mod plot;
 pub mod points;
 pub mod process;
 pub mod progress;
+pub mod shipped;
 pub mod suite;
 pub mod table;
 

@@ -28,7 +28,7 @@ pub struct Suite {
     /// The short form: coarse, few points.
     #[arg(long)]
     pub quick: bool,
-    /// Folder of results. Default: `out/` and the name of the command or study.
+    /// Folder of results. Default: `out/` and the name of the command or study, with `-quick` in the short form.
     #[arg(long)]
     out: Option<PathBuf>,
     /// List what would be run, and stop.
@@ -48,8 +48,9 @@ impl Suite {
         if self.quick { Effort::Quick } else { Effort::Full }
     }
 
-    /// The folder of results, or the default.
+    /// The folder of results, or the default; the short form, which has other points, has another one.
     pub fn folder(&self, default: &str) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| default.into())
+        let form = if self.quick { "-quick" } else { "" };
+        self.out.clone().unwrap_or_else(|| format!("{default}{form}").into())
     }
 }

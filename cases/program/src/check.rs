@@ -2,7 +2,7 @@
 
 use crate::ending::Ending;
 use crate::sizes::{Sizes, Unusual, closed_inflow};
-use crate::{cases, placing, run};
+use crate::{placing, run, shipped};
 use std::path::Path;
 use voidage_campaign::process::catch_interrupts;
 use voidage_coupling::Result;
@@ -14,7 +14,7 @@ use voidage_scene::{Amount, MeshSource, Placement, Rate, Scene, Simulation, Time
 
 /// Checks a scene, builds what it describes, and prints its parts and sizes.
 pub fn check(file: &Path, sets: &[String]) -> Result<u8> {
-    let scene = cases::read(file, sets)?;
+    let scene = shipped::read(file, sets)?;
     let (simulation, unused) = build(&scene)?;
     println!("{}: good\n{}", file.display(), scene.title);
     line("steps", steps(&scene.time));

@@ -3,9 +3,9 @@
 //! First the same state: the run of the first solver is shown to the others at chosen steps. Then free runs side by
 //! side, in which differences grow as the flow lets them.
 
-use crate::cases;
 use crate::plot;
 use crate::run;
+use crate::shipped;
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -120,7 +120,7 @@ fn candidates(options: &Options, folder: &Path) -> Result<Vec<Candidate>> {
         let mut sets = vec![format!("fluid.solver.tolerance={LINEAR_TOLERANCE:e}")];
         sets.extend(options.sets.iter().cloned());
         sets.extend(options.process.sets_of(name)?);
-        let scene = cases::read(&options.scene, &sets)?;
+        let scene = shipped::read(&options.scene, &sets)?;
         let Some(density) = scene.fluid.as_ref().map(|fluid| fluid.density) else {
             let notice = Notice::new("the scene has no fluid", "there is nothing to compare");
             return Err(Error::input(notice.within(options.scene.display())));

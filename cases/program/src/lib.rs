@@ -4,7 +4,6 @@
 
 mod again;
 mod analyse;
-pub mod cases;
 mod check;
 mod closures;
 mod compare;
@@ -19,6 +18,8 @@ mod report;
 mod results;
 mod run;
 mod sizes;
+
+pub use voidage_campaign::shipped;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;

@@ -1,6 +1,6 @@
 //! `voidage new`: a scene to begin with.
 
-use crate::cases::CASES;
+use crate::shipped::CASES;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use std::fs::File;

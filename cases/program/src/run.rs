@@ -1,10 +1,10 @@
 //! `voidage run`: the loop around the steps.
 
 use crate::again;
-use crate::cases;
 use crate::ending::{Ending, Saved};
 use crate::placing;
 use crate::plot;
+use crate::shipped;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use std::collections::BTreeMap;
@@ -113,7 +113,7 @@ fn schemes() -> PossibleValuesParser {
 
 /// Runs a scene; the number is the exit code.
 pub fn run(options: &Options) -> Result<u8> {
-    let scene = cases::read(&options.scene, &sets(options)?)?;
+    let scene = shipped::read(&options.scene, &sets(options)?)?;
     let threads = start_threads(options.threads)?;
     let ending = Ending::watched(catch_interrupts()?);
     let run = Run::new(&scene, options, threads, ending.clone());

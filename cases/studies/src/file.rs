@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
+use voidage_campaign::shipped;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::Origin;
 use voidage_scene::document::{self, Document};
@@ -20,14 +21,16 @@ pub struct Study {
     /// What the study shows, one line. Default: empty.
     #[serde(default)]
     pub title: String,
-    /// What is run: `{scene = "FILE"}`, path relative to the study, or `{problem = "NAME"}`.
+    /// What is run: `{scene = "FILE"}`, path relative to the study, or the name of a shipped case; or
+    /// `{problem = "NAME"}`.
     pub case: Case,
     /// Settings of all runs: keys of the scene or of the problem, and `threads` (default 1). Default: none.
     #[serde(default)]
     #[schemars(with = "Keys")]
     pub set: Table,
     /// What results are compared with: `"exact"` (or `"manufactured"`), the known values; `"finest"`, the run that is
-    /// estimated to take longest; or `{run = {KEY = VALUE, ..}}`, a run with these settings over those of the study.
+    /// estimated to take longest; `{run = {KEY = VALUE, ..}}`, a run with these settings over those of the study; or
+    /// `"none"`: the study is a table of the values of its runs.
     pub reference: Reference,
     /// What is compared. At least one.
     pub quantities: Vec<Quantity>,
@@ -64,7 +67,7 @@ fn one_percent() -> f64 {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Case {
-    /// A scene file (TOML), path relative to the study.
+    /// A scene file (TOML), path relative to the study, or the name of a shipped case.
     Scene(PathBuf),
     /// A problem with a known answer.
     Problem(ProblemName),
@@ -79,6 +82,8 @@ pub enum Reference {
     Exact,
     /// The run of the sweeps that is estimated to take longest.
     Finest,
+    /// Nothing: values, no errors.
+    None,
     /// A run of its own.
     Run(#[schemars(with = "Keys")] Table),
 }
@@ -173,21 +178,29 @@ pub enum Clock {
     Cpu,
 }
 
-/// Settings that are varied: every value with every other. One curve for each choice of the keys beside `refine`.
+/// Settings that are varied: every value, and every point, with every other. One curve for each choice of the keys
+/// beside `refine`.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sweep {
     /// Name of its curves, before the values that tell them apart. Default: none.
     #[serde(default)]
     pub name: String,
-    /// The key that is refined along a curve, one of `vary`; its values are numbers above 0.
-    pub refine: String,
+    /// The key that is refined along a curve, one of `vary` or of the `points`; its values are numbers above 0. Needed
+    /// where results are compared with something. Default, where they are not: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refine: Option<String>,
     /// What the axis of `refine` says. Default: the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub label: Option<String>,
-    /// Keys with lists of values.
+    /// Keys with lists of values. Default: none.
+    #[serde(default)]
     #[schemars(with = "Keys")]
     pub vary: Table,
+    /// Settings that change together: a list of tables with the same keys. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<Keys>")]
+    pub points: Vec<Table>,
     /// Settings of this sweep, over those of the study. Default: none.
     #[serde(default)]
     #[schemars(with = "Keys")]
@@ -264,12 +277,11 @@ impl Study {
         self.origin.error(path, message, help).into()
     }
 
-    /// The scene file, as this process finds it.
+    /// The scene file as this process finds it, or the name of a shipped case as it is.
     pub fn scene(&self) -> Option<PathBuf> {
-        match &self.case {
-            Case::Scene(file) => Some(self.origin.folder().join(file)),
-            Case::Problem(_) => None,
-        }
+        let Case::Scene(scene) = &self.case else { return None };
+        let file = self.origin.folder().join(scene);
+        Some(if file.is_file() { std::fs::canonicalize(&file).unwrap_or(file) } else { scene.clone() })
     }
 
     fn check(&self) -> Result<()> {
@@ -289,9 +301,16 @@ impl Study {
                 return Err(self.error(list, what, format!("give at least one [[{list}]]")));
             }
         }
-        if let Some(scene) = self.scene().filter(|scene| !scene.is_file()) {
-            let what = format!("`case.scene`: there is no file {}", scene.display());
-            return Err(self.error("case.scene", what, "give the path of a scene, relative to the study"));
+        if let Case::Scene(scene) = &self.case
+            && !self.origin.folder().join(scene).is_file()
+            && shipped::named(scene, &[]).is_none()
+        {
+            let what = format!(
+                "`case.scene`: there is no file {}, and no shipped case of this name",
+                self.origin.folder().join(scene).display()
+            );
+            let help = format!("give the path of a scene, relative to the study, or {}", shipped::one_of());
+            return Err(self.error("case.scene", what, help));
         }
         self.quantities.iter().enumerate().try_for_each(|(k, quantity)| {
             quantity.scale.map_or(Ok(()), |scale| positive(&format!("quantities[{k}].scale"), scale))?;
@@ -344,7 +363,15 @@ impl Study {
                 let what = format!("`{name}` has no known values, and the reference is `exact`");
                 Err(self.error(&at(".name"), what, "give `exact = [..]`, or another `reference`"))
             }
-            (None, Reference::Finest | Reference::Run(_)) if problem => {
+            (Some(_), Reference::None) => {
+                let what = format!("`{name}` has known values, and results are compared with nothing");
+                Err(self.error(&at(".exact"), what, "leave out `exact`, or give `reference = \"exact\"`"))
+            }
+            (None, Reference::None) if matches!(quantity.of, Of::Field(_)) => {
+                let what = format!("`{name}`: a field is no number of a table");
+                Err(self.error(&at(".of"), what, "a table has series, summary and grain"))
+            }
+            (None, Reference::Finest | Reference::Run(_) | Reference::None) if problem => {
                 let what = "a problem knows its errors";
                 Err(self.error("reference", what, "use `reference = \"exact\"`"))
             }
@@ -353,31 +380,70 @@ impl Study {
     }
 
     fn check_sweep(&self, k: usize, sweep: &Sweep) -> Result<()> {
+        let at = |key: &str| format!("sweeps[{k}].{key}");
         let varied = leaves(&sweep.vary);
         for (key, values) in &varied {
             if values.as_array().is_none_or(|values| values.is_empty()) {
-                let what = format!("`sweeps[{k}].vary.{key} = {values}` is no list of values");
-                return Err(self.error(
-                    &format!("sweeps[{k}].vary.{key}"),
-                    what,
-                    "give a list: `key = [1, 2, 4]`",
-                ));
+                let path = at(&format!("vary.{key}"));
+                let what = format!("`{path} = {values}` is no list of values");
+                return Err(self.error(&path, what, "give a list: `key = [1, 2, 4]`"));
             }
         }
-        let Some((_, values)) = varied.iter().find(|(key, _)| *key == sweep.refine) else {
-            let known: Vec<&str> = varied.iter().map(|(key, _)| key.as_str()).collect();
-            let what = format!("`sweeps[{k}].refine = \"{}\"` is not varied", sweep.refine);
-            let help = format!("use one of {}", known.join(", "));
-            return Err(self.error(&format!("sweeps[{k}].refine"), what, help));
+        let keys = |table: &Table| leaves(table).into_iter().map(|(key, _)| key).collect::<Vec<_>>();
+        let together = sweep.points.first().map(keys).unwrap_or_default();
+        for (i, point) in sweep.points.iter().enumerate() {
+            let path = at(&format!("points[{i}]"));
+            if keys(point) != together || together.is_empty() {
+                let what = format!("`{path}` has the keys {}", keys(point).join(", "));
+                let help = format!("all points of a sweep have the same keys, here {}", together.join(", "));
+                return Err(self.error(&path, what, help));
+            }
+            if let Some(key) = together.iter().find(|key| varied.iter().any(|(other, _)| other == *key)) {
+                let what = format!("`{path}.{key}` is in `vary` too");
+                return Err(self.error(&format!("{path}.{key}"), what, "a key is in one of them"));
+            }
+        }
+        let known =
+            || varied.iter().map(|(key, _)| key).chain(&together).map(String::as_str).collect::<Vec<_>>();
+        if known().is_empty() {
+            let what = format!("`sweeps[{k}]` varies nothing");
+            return Err(self.error(&format!("sweeps[{k}]"), what, "give `vary` or `points`"));
+        }
+        let Some(refine) = &sweep.refine else {
+            if matches!(self.reference, Reference::None) {
+                return Ok(());
+            }
+            let what = format!("`sweeps[{k}]` has no `refine`");
+            let help = format!("say along which key an error is drawn, one of {}", known().join(", "));
+            return Err(self.error(&format!("sweeps[{k}]"), what, help));
         };
-        for (i, value) in values.as_array().into_iter().flatten().enumerate() {
-            if number(value).is_none_or(|number| number <= 0.0) {
-                let what = format!("`{} = {value}`: what is refined has numbers above 0", sweep.refine);
-                let path = format!("sweeps[{k}].vary.{}[{i}]", sweep.refine);
-                return Err(self.error(&path, what, "give a number above 0, or refine another key"));
+        if !known().contains(&refine.as_str()) {
+            let what = format!("`{} = \"{refine}\"` is not varied", at("refine"));
+            let help = format!("use one of {}", known().join(", "));
+            return Err(self.error(&at("refine"), what, help));
+        }
+        for (path, value) in sweep.values_of(refine) {
+            if number(&value).is_none_or(|number| number <= 0.0) {
+                let what = format!("`{refine} = {value}`: what is refined has numbers above 0");
+                return Err(self.error(&at(&path), what, "give a number above 0, or refine another key"));
             }
         }
         Ok(())
+    }
+}
+
+impl Sweep {
+    /// The values that a key is given, with their places in the sweep.
+    pub fn values_of(&self, key: &str) -> Vec<(String, Value)> {
+        let varied = leaves(&self.vary).into_iter().filter(|(one, _)| one == key).flat_map(|(_, list)| {
+            let list = list.as_array().cloned().unwrap_or_default();
+            list.into_iter().enumerate().map(|(i, value)| (format!("vary.{key}[{i}]"), value))
+        });
+        let points = self.points.iter().enumerate().flat_map(|(i, point)| {
+            let own = leaves(point).into_iter().filter(|(one, _)| one == key);
+            own.map(move |(_, value)| (format!("points[{i}].{key}"), value))
+        });
+        varied.chain(points).collect()
     }
 }
 

@@ -3,7 +3,7 @@
 //! the system counts what it and its fluid solver used.
 
 use super::file::{Case, FieldName, GrainColumn, Of, Quantity};
-use super::plan::{Run, THREADS, sets};
+use super::plan::{Run, THREADS, read_scene};
 use super::problems;
 use nix::sys::resource::UsageWho;
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ use voidage_campaign::process::{host, start_threads};
 use voidage_coupling::{Error, Notice, Result, TEMPERATURE};
 use voidage_scene::Simulation;
 use voidage_scene::recorder::{Summary, View, create_folder, readings};
-use voidage_scene::{Output, Scene, Time};
+use voidage_scene::{Output, Time};
 
 /// What is to be run, and where files go.
 #[derive(Debug, Serialize, Deserialize)]
@@ -137,7 +137,7 @@ fn samples(quantities: &[Quantity], clock: &Time) -> BTreeMap<u64, Vec<Sample>> 
 fn of_scene(file: &Path, task: &Task) -> Result<Answer> {
     let begun = Instant::now();
     let quantities = &task.run.quantities;
-    let scene = Scene::read(file, &sets(&task.run.settings))?;
+    let scene = read_scene(file, &task.run.settings)?;
     let mut simulation = Simulation::hosted(&scene, &host(task.log.clone()))?;
     let mut measured = Measured {
         values: quantities.iter().map(|quantity| vec![0.0; quantity.at.len().max(1)]).collect(),

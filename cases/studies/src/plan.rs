@@ -5,7 +5,9 @@ use super::file::{Case, Of, Quantity, Reference, Study, Sweep, leaves, number};
 use super::problems;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::Path;
 use toml::{Table, Value};
+use voidage_campaign::shipped;
 use voidage_coupling::{Error, Result};
 use voidage_scene::{Location, Scene};
 
@@ -35,11 +37,11 @@ pub struct Run {
 pub struct Curve {
     /// What tells it from the others.
     pub name: String,
-    /// The key that is refined, and what its axis says.
-    pub refine: String,
+    /// The key that is refined; none of a table.
+    pub refine: Option<String>,
     /// What its axis says.
     pub label: String,
-    /// Value of that key and number of the run, from cheap to dear.
+    /// Value of that key, or the number of the point, and number of the run; from cheap to dear where a key is refined.
     pub points: Vec<(f64, usize)>,
 }
 
@@ -80,33 +82,55 @@ impl Plan {
         for (k, sweep) in study.sweeps.iter().enumerate() {
             for (name, combinations) in combinations(sweep) {
                 let mut points = Vec::new();
-                for varied in combinations {
-                    let x = varied.get(&sweep.refine).and_then(number).unwrap_or(f64::NAN);
+                for (i, varied) in combinations.into_iter().enumerate() {
+                    let x = match &sweep.refine {
+                        Some(key) => varied.get(key).and_then(number).unwrap_or(f64::NAN),
+                        None => i as f64,
+                    };
                     let tables = [&study.set, &sweep.set];
                     let settings = settings(study, &tables, varied, changes);
                     points.push((x, run(study, Choice { settings, sweep: Some(k) })?));
                 }
-                points.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+                if sweep.refine.is_some() || changes.quick {
+                    points.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+                }
                 if changes.quick {
                     points.truncate(study.quick.runs);
                 }
                 let points = points.into_iter().map(|(x, run)| (x, plan.add(run))).collect();
-                let label = sweep.label.clone().unwrap_or_else(|| sweep.refine.clone());
+                let label = sweep.label.clone().or_else(|| sweep.refine.clone()).unwrap_or_default();
                 plan.curves.push(Curve { name, refine: sweep.refine.clone(), label, points });
             }
         }
         match &study.reference {
-            Reference::Exact => {}
-            Reference::Finest => {
-                let dearest = |a: &usize, b: &usize| plan.runs[*a].cost.total_cmp(&plan.runs[*b].cost);
-                plan.reference = (0..plan.runs.len()).max_by(dearest);
-            }
+            Reference::Exact | Reference::None => {}
+            Reference::Finest => plan.reference = Some(plan.finest(study)?),
             Reference::Run(own) => {
                 let settings = settings(study, &[&study.set, own], Settings::new(), changes);
                 plan.reference = Some(plan.add(run(study, Choice { settings, sweep: None })?));
             }
         }
         Ok(plan.sorted())
+    }
+
+    /// The number of the run that is estimated to take longest.
+    ///
+    /// # Errors
+    /// There are several.
+    fn finest(&self, study: &Study) -> Result<usize> {
+        let most = self.runs.iter().fold(0.0, |most: f64, run| most.max(run.cost));
+        let dearest = (0..self.runs.len()).filter(|k| self.runs[*k].cost >= most * (1.0 - 1e-9));
+        let dearest: Vec<usize> = dearest.collect();
+        match dearest.as_slice() {
+            [one] => Ok(*one),
+            several => {
+                let all = several.iter().map(|k| short(&self.runs[*k].settings)).collect::<Vec<_>>();
+                let what = format!("{} runs are estimated to take as long: {}", all.len(), all.join("; "));
+                let help =
+                    "say which is the reference: `reference = { run = { .. } }`, with settings of its own";
+                Err(study.error("reference", what, help))
+            }
+        }
     }
 
     /// The number of a run, which is added unless it is there.
@@ -131,41 +155,43 @@ impl Plan {
 
 /// The curves of a sweep: names, and the settings of their points.
 fn combinations(sweep: &Sweep) -> Vec<(String, Vec<Settings>)> {
-    let varied = leaves(&sweep.vary);
-    let mut curves = vec![(sweep.name.clone(), vec![Settings::new()])];
-    let values = |list: &Value| list.as_array().cloned().unwrap_or_default();
-    for (key, list) in varied.iter().filter(|(key, _)| *key != sweep.refine) {
-        let list = values(list);
-        let of = |(name, points): &(String, Vec<Settings>), value: &Value| {
-            let short = key.rsplit('.').next().unwrap_or(key);
-            let own = match value {
-                Value::String(text) => text.clone(),
-                other => format!("{short} {}", shown(other)),
-            };
+    let named = |settings: Settings| {
+        let short = |(key, value): (&String, &Value)| match value {
+            Value::String(text) => text.clone(),
+            other => format!("{} {}", key.rsplit('.').next().unwrap_or(key), shown(other)),
+        };
+        (settings.iter().map(short).collect::<Vec<_>>().join(" "), settings)
+    };
+    let mut choices: Vec<Vec<(String, Settings)>> = leaves(&sweep.vary)
+        .into_iter()
+        .map(|(key, list)| {
+            let list = list.as_array().cloned().unwrap_or_default();
+            list.into_iter().map(|value| named(Settings::from([(key.clone(), value)]))).collect()
+        })
+        .collect();
+    if !sweep.points.is_empty() {
+        choices.push(sweep.points.iter().map(|point| named(leaves(point).into_iter().collect())).collect());
+    }
+    let along = |list: &Vec<(String, Settings)>| {
+        sweep.refine.as_ref().is_none_or(|key| list.first().is_some_and(|(_, first)| first.contains_key(key)))
+    };
+    let (refined, others): (Vec<_>, Vec<_>) = choices.into_iter().partition(along);
+    let with = |all: Vec<(String, Settings)>, list: &Vec<(String, Settings)>| {
+        let one = |(name, settings): &(String, Settings), (own, value): &(String, Settings)| {
             let several = list.len() > 1;
             let comma = if name.is_empty() || !several { "" } else { ", " };
-            let mut points = points.clone();
-            points.iter_mut().for_each(|point| drop(point.insert(key.clone(), value.clone())));
-            (format!("{name}{comma}{}", if several { &own } else { "" }), points)
+            let settings = settings.clone().into_iter().chain(value.clone()).collect();
+            (format!("{name}{comma}{}", if several { own } else { "" }), settings)
         };
-        curves = curves.iter().flat_map(|curve| list.iter().map(move |value| of(curve, value))).collect();
-    }
-    let refined = varied.iter().find(|(key, _)| *key == sweep.refine);
-    let refined = refined.map(|(_, list)| values(list)).unwrap_or_default();
-    for (_, points) in &mut curves {
-        let along = |point: &Settings| {
-            refined
-                .iter()
-                .map(|value| {
-                    let mut point = point.clone();
-                    point.insert(sweep.refine.clone(), value.clone());
-                    point
-                })
-                .collect::<Vec<_>>()
-        };
-        *points = points.iter().flat_map(along).collect();
-    }
-    curves
+        all.iter().flat_map(|have| list.iter().map(move |add| one(have, add))).collect::<Vec<_>>()
+    };
+    let curves = others.iter().fold(vec![(sweep.name.clone(), Settings::new())], with);
+    let points = refined.iter().fold(vec![(String::new(), Settings::new())], with);
+    let curve = |(name, settings): (String, Settings)| {
+        let points = points.iter().map(|(_, own)| settings.clone().into_iter().chain(own.clone()).collect());
+        (name, points.collect())
+    };
+    curves.into_iter().map(curve).collect()
 }
 
 /// All settings of a run: those of the study, of the sweep, what is varied, and what the command line changes.
@@ -213,32 +239,38 @@ fn run(study: &Study, choice: Choice) -> Result<Run> {
             (problem.cost(), study.case.clone())
         }
         (case @ Case::Scene(_), None) => (0.0, case.clone()),
-        (Case::Scene(_), Some(file)) => {
-            let scene = Scene::read(&file, &sets(settings)).map_err(|error| blame(study, &choice, error))?;
+        (Case::Scene(_), Some(name)) => {
+            let scene = read_scene(&name, settings).map_err(|error| blame(study, &choice, error))?;
             check_times(study, &scene)?;
             identify(&scene.identity_toml()?);
-            let file = std::fs::canonicalize(&file).unwrap_or(file);
-            (cost::of_scene(&scene), Case::Scene(file))
+            (cost::of_scene(&scene), Case::Scene(name))
         }
     };
     let id = hash.finalize().to_hex()[..16].to_owned();
     Ok(Run { id, settings: choice.settings, case, quantities: study.quantities.clone(), cost })
 }
 
-/// Settings as changes of a scene.
-pub fn sets(settings: &Settings) -> Vec<String> {
-    settings.iter().filter(|(key, _)| *key != THREADS).map(|(key, value)| format!("{key}={value}")).collect()
+/// The scene of a run: a file by its whole path, or a shipped case.
+///
+/// # Errors
+/// What is wrong with the scene.
+pub fn read_scene(name: &Path, settings: &Settings) -> Result<Scene> {
+    let own = settings.iter().filter(|(key, _)| *key != THREADS);
+    let sets: Vec<String> = own.map(|(key, value)| format!("{key}={value}")).collect();
+    let shipped = if name.is_absolute() { None } else { shipped::named(name, &sets) };
+    shipped.unwrap_or_else(|| Scene::read(name, &sets))
 }
 
 /// Where in the study a setting is.
 fn place(study: &Study, choice: &Choice, key: &str) -> String {
     let value = choice.settings.get(key);
     let sweep = choice.sweep.map(|k| (k, &study.sweeps[k]));
-    if let Some((k, sweep)) = sweep
-        && let Some((_, list)) = leaves(&sweep.vary).iter().find(|(varied, _)| varied == key)
-    {
-        let index = list.as_array().and_then(|list| list.iter().position(|one| Some(one) == value));
-        return format!("sweeps[{k}].vary.{key}[{}]", index.unwrap_or(0));
+    if let Some((k, sweep)) = sweep {
+        let given = sweep.values_of(key);
+        let own = given.iter().find(|(_, one)| Some(one) == value).or(given.first());
+        if let Some((path, _)) = own {
+            return format!("sweeps[{k}].{path}");
+        }
     }
     let mut tables = vec![("quick.set".to_owned(), &study.quick.set)];
     tables.extend(sweep.map(|(k, sweep)| (format!("sweeps[{k}].set"), &sweep.set)));

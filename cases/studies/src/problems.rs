@@ -80,7 +80,8 @@ pub fn build(name: ProblemName, settings: &Settings) -> Result<Box<dyn Problem>,
 
 /// A fault where a value is outside of its range.
 fn outside(key: &str, value: impl fmt::Display, help: &str) -> Result<(), Fault> {
-    Err(Fault { path: key.into(), notice: Notice::new(format!("`{key} = {value}`: {help}"), help) })
+    let notice = Notice::new(format!("`{key} = {value}`: {help}"), help);
+    Err(Fault { path: key.into(), notice, unknown: false })
 }
 
 /// Steady flow with heat through a still field of voidage, made a solution by sources (C1 of `tests/manufactured.py`).

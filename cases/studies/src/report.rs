@@ -1,6 +1,6 @@
 //! What a study shows: a table, a CSV file, plots, and one sentence per quantity.
 
-use super::file::{Clock, Study};
+use super::file::{Clock, Quantity, Reference, Study};
 use super::plan::{Plan, plain, shown};
 use super::results::{Line, Point, cheapest};
 use std::collections::BTreeSet;
@@ -19,13 +19,29 @@ pub fn write(folder: &Path, name: &str, study: &Study, plan: &Plan, lines: &[Lin
     let table = folder.join("results.csv");
     let text = csv(study, plan, lines)?;
     write_whole(&table, |file| file.write_all(&text))?;
-    let curve = folder.join(format!("{name}.png"));
+    let mut written = vec![table];
     // One quantity: both panels side by side; more: two rows.
-    let columns = if study.quantities.len() == 1 { 2 } else { study.quantities.len() };
-    panels::grid(&curve, columns, &drawn(study, lines))?;
+    let (columns, panels) = match study.reference {
+        Reference::None => (study.quantities.len().min(2), drawn_values(study, lines)),
+        _ => (study.quantities.len().max(2), drawn(study, lines)),
+    };
+    if !panels.is_empty() {
+        written.push(folder.join(format!("{name}.png")));
+        panels::grid(&written[1], columns, &panels)?;
+    }
     let phases = folder.join(format!("{name}-phases.png"));
     bars::draw(&phases, &format!("{}: wall time of the finest run by phase", study.title), &bars_of(lines))?;
-    Ok(vec![table, curve, phases])
+    written.push(phases);
+    Ok(written)
+}
+
+/// Names of the values of a quantity, one per time.
+fn value_names(quantity: &Quantity) -> Vec<String> {
+    let name = quantity.name.replace(' ', "_");
+    match quantity.at.as_slice() {
+        [] | [_] => vec![name],
+        times => times.iter().map(|time| format!("{name}_at_{time}_s")).collect(),
+    }
 }
 
 /// Keys that differ between runs.
@@ -45,12 +61,16 @@ fn csv(study: &Study, plan: &Plan, lines: &[Line]) -> Result<Vec<u8>> {
     let phases: BTreeSet<String> = all().flat_map(|(_, point)| point.row.phases().into_keys()).collect();
     let mut header: Vec<String> = vec!["curve".into(), "run".into()];
     header.extend(keys.iter().cloned());
-    header.extend(
-        study.quantities.iter().map(|quantity| format!("error_of_{}", quantity.name.replace(' ', "_"))),
-    );
-    header.extend(
-        ["is_reference", "wall_s", "steps_s", "steps_cpu_s", "cpu_s", "spread", "repeats"].map(String::from),
-    );
+    let values = matches!(study.reference, Reference::None);
+    match values {
+        true => header.extend(study.quantities.iter().flat_map(value_names)),
+        false => {
+            let of = |quantity: &Quantity| format!("error_of_{}", quantity.name.replace(' ', "_"));
+            header.extend(study.quantities.iter().map(of));
+            header.push("is_reference".into());
+        }
+    }
+    header.extend(["wall_s", "steps_s", "steps_cpu_s", "cpu_s", "spread", "repeats"].map(String::from));
     header.extend(["steps", "fluid_solves", "unconverged_steps"].map(String::from));
     header.extend(phases.iter().map(|phase| format!("{phase}_s")));
     let mut writer = csv::Writer::from_writer(Vec::new());
@@ -61,8 +81,16 @@ fn csv(study: &Study, plan: &Plan, lines: &[Line]) -> Result<Vec<u8>> {
         let mut record = vec![line.name.clone(), row.run.clone()];
         let settings = &plan.runs[point.run].settings;
         record.extend(keys.iter().map(|key| settings.get(key).map_or(String::new(), shown)));
-        record.extend(point.errors.iter().map(f64::to_string));
-        record.push(point.is_reference.to_string());
+        match values {
+            true => {
+                let all = (0..study.quantities.len()).flat_map(|k| row.values_of(k));
+                record.extend(all.map(|value| value.to_string()));
+            }
+            false => {
+                record.extend(point.errors.iter().map(f64::to_string));
+                record.push(point.is_reference.to_string());
+            }
+        }
         record.extend(
             [row.wall_s, row.steps_s, row.steps_cpu_s, row.cpu_s, row.spread]
                 .map(|number| number.to_string()),
@@ -121,6 +149,30 @@ fn drawn(study: &Study, lines: &[Line]) -> Vec<Panel> {
     timed.chain(refined).collect()
 }
 
+/// Values against what is refined, where something is.
+fn drawn_values(study: &Study, lines: &[Line]) -> Vec<Panel> {
+    let lines: Vec<&Line> = lines.iter().filter(|line| line.refine.is_some()).collect();
+    let Some(first) = lines.first() else { return vec![] };
+    let panel = |(k, quantity): (usize, &Quantity)| {
+        let curves = lines.iter().flat_map(|line| {
+            let times = quantity.at.len().max(1);
+            (0..times).map(move |i| {
+                let time = quantity.at.get(i).filter(|_| times > 1).map(|time| format!("at {time} s"));
+                let names = [Some(line.name.clone()).filter(|name| !name.is_empty()), time];
+                let name = names.into_iter().flatten().collect::<Vec<_>>().join(", ");
+                let of = |point: &Point| Some((point.x, *point.row.values_of(k).get(i)?));
+                let mut points: Vec<_> = line.points.iter().filter_map(of).collect();
+                points.sort_by(|a, b| a.0.total_cmp(&b.0));
+                Curve::joined(if name.is_empty() { "runs".into() } else { name }, points)
+            })
+        });
+        let mut panel = Panel::new(study.title.as_str(), first.label.as_str(), quantity.name.as_str());
+        panel.curves = curves.collect();
+        panel
+    };
+    study.quantities.iter().enumerate().map(panel).collect()
+}
+
 /// The name of a curve, with what is said about it.
 fn named(line: &Line, what: Option<String>) -> String {
     let name = if line.name.is_empty() { "runs" } else { &line.name };
@@ -171,15 +223,19 @@ fn bars_of(lines: &[Line]) -> Vec<Bar> {
         let known: f64 = parts.iter().map(|(_, seconds)| seconds).sum();
         parts.push(("set-up".into(), (point.row.wall_s - point.row.steps_s).max(0.0)));
         parts.push(("other".into(), (point.row.steps_s - known).max(0.0)));
-        let short = line.refine.rsplit('.').next().unwrap_or(&line.refine);
-        let name = if line.name.is_empty() { String::new() } else { format!("{}, ", line.name) };
-        Bar { name: format!("{name}{short} {}", plain(point.x)), parts }
+        let last = line.refine.as_ref().map(|key| key.rsplit('.').next().unwrap_or(key));
+        let place = last.map(|key| format!("{key} {}", plain(point.x)));
+        let names = [Some(line.name.clone()).filter(|name| !name.is_empty()), place];
+        Bar { name: names.into_iter().flatten().collect::<Vec<_>>().join(", "), parts }
     };
     finest.map(bar).collect()
 }
 
 /// Prints the table, and per quantity the settings that reach the target in the least time.
 pub fn print(study: &Study, plan: &Plan, lines: &[Line]) {
+    if matches!(study.reference, Reference::None) {
+        return print_values(study, plan, lines);
+    }
     lines.iter().for_each(|line| print_line(study, line));
     let keys = varied(plan);
     for (k, quantity) in study.quantities.iter().enumerate() {
@@ -209,9 +265,32 @@ pub fn print(study: &Study, plan: &Plan, lines: &[Line]) {
     }
 }
 
+/// The values of all runs, beside what is varied.
+fn print_values(study: &Study, plan: &Plan, lines: &[Line]) {
+    let keys = varied(plan);
+    let names = study.quantities.iter().flat_map(value_names);
+    let header = keys.iter().cloned().chain(names).chain(["wall".into(), "unconv.".into()]);
+    let mut table: Vec<Vec<String>> = vec![header.collect()];
+    for point in lines.iter().flat_map(|line| &line.points) {
+        let settings = &plan.runs[point.run].settings;
+        let chosen = keys.iter().map(|key| settings.get(key).map_or(String::new(), shown));
+        let values = (0..study.quantities.len()).flat_map(|k| point.row.values_of(k));
+        let cost = [duration(point.row.wall_s), point.row.unconverged_steps.to_string()];
+        table.push(chosen.chain(values.map(|value| format!("{value:.5e}"))).chain(cost).collect());
+    }
+    let columns = table[0].len();
+    let width = |k: usize| table.iter().map(|row| row.get(k).map_or(0, |cell| cell.chars().count())).max();
+    let widths: Vec<usize> = (0..columns).map(|k| width(k).unwrap_or(0)).collect();
+    for row in &table {
+        let cells = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:>width$}"));
+        println!("{}", cells.collect::<Vec<_>>().join("  "));
+    }
+}
+
 /// The table of a curve.
 fn print_line(study: &Study, line: &Line) {
-    let last = line.refine.rsplit('.').next().unwrap_or(&line.refine);
+    let refine = line.refine.as_deref().unwrap_or_default();
+    let last = refine.rsplit('.').next().unwrap_or(refine);
     println!("{}", if line.name.is_empty() { &study.title } else { &line.name });
     let width = |k: usize| study.quantities[k].name.len().max(9) + 2;
     let quantities = || 0..study.quantities.len();

@@ -13,7 +13,7 @@ const ROUNDING: f64 = 1e-12;
 /// A run with its errors.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Value of what is refined.
+    /// Value of what is refined, or the number of the point.
     pub x: f64,
     /// Number of the run.
     pub run: usize,
@@ -32,8 +32,8 @@ pub struct Point {
 pub struct Line {
     /// Its name.
     pub name: String,
-    /// Key that is refined.
-    pub refine: String,
+    /// Key that is refined; none of a table.
+    pub refine: Option<String>,
     /// What its axis says.
     pub label: String,
     /// The points.

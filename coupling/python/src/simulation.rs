@@ -59,7 +59,7 @@ impl Simulation {
             set.push(solver.map_err(|error| PyValueError::new_err(format!("fluid {error}")))?.setting());
         }
         set.extend(scheme.name.iter().map(|name| format!("coupling.scheme={name:?}")));
-        let mut scene = voidage_program::cases::read(&scene, &set).map_err(|error| exception(&error))?;
+        let mut scene = voidage_program::shipped::read(&scene, &set).map_err(|error| exception(&error))?;
         let fluid = fluid.object.map(|object| python_fluid(&mut scene, &object, &raised)).transpose()?;
         let scheme = scheme.object.map(|object| PythonScheme::new(&object, raised.clone())).transpose()?;
         let inner = py

@@ -189,7 +189,8 @@ class Linear:
         rows = sp.csr_array(matrix)[self.owned]
         node, component = np.divmod(rows.indices, self.components)
         columns = self.components * self.layout.number[node] + component
-        csr = rows.indptr, columns, rows.data
+        # PETSc takes no other integers, and those of scipy depend on its version.
+        csr = rows.indptr.astype(PETSc.IntType), columns.astype(PETSc.IntType), rows.data
         self.matrix.setValuesCSR(*csr, PETSc.InsertMode.ADD_VALUES)
 
     def _upwind(self) -> None:

@@ -67,6 +67,8 @@ pub struct Fault {
     pub path: String,
     /// What is wrong, with the key and the value, and what is allowed.
     pub notice: Notice,
+    /// Whether there is no such key: what is wrong is the key and not its value.
+    pub unknown: bool,
 }
 
 /// Reads a document from a text; `file` is named in errors.
@@ -75,8 +77,7 @@ pub struct Fault {
 /// The text is no TOML, or keys or values are wrong.
 pub fn read<T: Document>(file: &Path, text: &str) -> Result<(T, Origin), Box<SceneError>> {
     let (table, origin) = parse::<T>(file, text)?;
-    let filled =
-        fill(&table).map_err(|fault| origin.error(&fault.path, fault.notice.what, fault.notice.help))?;
+    let filled = fill(&table).map_err(|fault| origin.fault(fault))?;
     Ok((filled, origin))
 }
 
@@ -131,7 +132,7 @@ pub fn fill<T: Document>(document: &Table) -> Result<T, Fault> {
             _ if path.is_empty() => message,
             _ => format!("`{path}`: {message}"),
         };
-        Fault { path, notice: Notice::new(shown, help) }
+        Fault { path, notice: Notice::new(shown, help), unknown: unknown.is_some() }
     })
 }
 
@@ -175,9 +176,58 @@ fn quoted_after(message: &str, start: &str) -> Option<String> {
     rest.split('`').next().map(str::to_owned)
 }
 
+/// Words of other programs for keys of this one, in small letters and without `_`.
+const OTHER_WORDS: &[(&str, &str)] = &[
+    ("diameter", "radius"),
+    ("youngsmodulus", "young"),
+    ("youngmodulus", "young"),
+    ("poissonsratio", "poisson"),
+    ("poissonratio", "poisson"),
+    ("coefficientfriction", "friction"),
+    ("frictioncoefficient", "friction"),
+    ("mu", "friction"),
+    ("coefficientrestitution", "restitution"),
+    ("restitutioncoefficient", "restitution"),
+    ("coefficientrollingfriction", "rolling"),
+    ("rollingfriction", "rolling"),
+    ("rho", "density"),
+    ("thermalconductivity", "conductivity"),
+    ("specificheat", "heat_capacity"),
+    ("thermalcapacity", "heat_capacity"),
+    ("cp", "heat_capacity"),
+    ("dt", "step"),
+    ("timestep", "step"),
+    ("deltat", "step"),
+    ("endtime", "end"),
+    ("tend", "end"),
+    ("tstop", "end"),
+    ("duration", "end"),
+    ("writeinterval", "frame_interval"),
+    ("vtkinterval", "frame_interval"),
+    ("vtkdt", "frame_interval"),
+    ("dumpinterval", "frame_interval"),
+    ("savedt", "frame_interval"),
+    ("particles", "grains"),
+    ("particle", "grains"),
+    ("geometry", "walls"),
+    ("boundaryconditions", "boundaries"),
+    ("patches", "boundaries"),
+    ("kinematicviscosity", "viscosity"),
+    ("nu", "viscosity"),
+    ("meshsize", "size"),
+    ("porosity", "voidage"),
+];
+
 /// What could have been meant by a key that does not exist.
 fn remedy_of_unknown(key: &str, message: &str) -> String {
     let allowed: Vec<&str> = message.split('`').skip(3).step_by(2).collect();
+    let bare: String = key.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase();
+    let other = OTHER_WORDS.iter().find(|(word, known)| *word == bare && allowed.contains(known));
+    if let Some((_, known)) = other {
+        let half = if *known == "radius" { ", half of it" } else { "" };
+        let times = if bare == "nu" || bare == "kinematicviscosity" { ", times the density" } else { "" };
+        return format!("here it is `{known}`{half}{times}");
+    }
     match allowed.iter().min_by_key(|name| distance(key, name)) {
         Some(name) if distance(key, name) <= 1 + key.len() / 4 => format!("did you mean `{name}`?"),
         Some(_) => format!("keys allowed here: {}", allowed.join(", ")),

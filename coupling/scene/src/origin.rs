@@ -1,5 +1,6 @@
 //! Where a scene came from, and errors that point into it.
 
+use super::document::Fault;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -37,8 +38,14 @@ impl Origin {
         });
         match set {
             Some((_, option)) => self.at(Location::Set(option.clone()), message, help),
-            None => self.at(self.location(locate(&self.text, &segments(path))), message, help),
+            None => self.at(self.location(locate(&self.text, &segments(path), false)), message, help),
         }
+    }
+
+    /// What is wrong in the table of the text: at the value, or at a key that there is not.
+    pub(super) fn fault(&self, fault: Fault) -> Box<SceneError> {
+        let span = locate(&self.text, &segments(&fault.path), fault.unknown);
+        self.error_at(span, fault.notice.what, fault.notice.help)
     }
 
     /// An error at some bytes of the text.
@@ -108,9 +115,9 @@ pub(super) fn join(steps: &[Segment]) -> String {
     path
 }
 
-/// The bytes of the deepest step of the path that the text has: the value, or the key where the last step is a key
-/// whose value goes over several lines. Always inside one line.
-fn locate(text: &str, path: &[Segment]) -> Range<usize> {
+/// The bytes of the deepest step of the path that the text has: the value, or the key where that is asked for or its
+/// value is a table. Always inside one line.
+fn locate(text: &str, path: &[Segment], of_key: bool) -> Range<usize> {
     let Ok(document) = DeTable::parse(text) else { return 0..0 };
     let mut span = 0..0;
     let mut node = DeValue::Table(document.into_inner());
@@ -128,7 +135,7 @@ fn locate(text: &str, path: &[Segment]) -> Range<usize> {
         let Some((key, value)) = next else { break };
         let value_span = value.span();
         span = match key {
-            Some(key) if !last || value.get_ref().is_table() => key,
+            Some(key) if !last || of_key || value.get_ref().is_table() => key,
             _ => value_span,
         };
         node = value.into_inner();

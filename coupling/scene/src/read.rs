@@ -24,8 +24,7 @@ impl Scene {
     /// The same from a text; `file` is named in errors, and its folder is where paths start.
     pub fn parse(file: &Path, text: &str, sets: &[String]) -> std::result::Result<Scene, Box<SceneError>> {
         let (mut document, mut origin) = document::parse::<Scene>(file, text)?;
-        let mut scene: Scene = fill(&document)
-            .map_err(|fault| origin.error(&fault.path, fault.notice.what, fault.notice.help))?;
+        let mut scene: Scene = fill(&document).map_err(|fault| origin.fault(fault))?;
         for option in sets {
             let place = Location::Set(option.clone());
             let edit =

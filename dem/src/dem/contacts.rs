@@ -17,8 +17,7 @@ const ATTEMPTS: usize = 5;
 
 impl<const D: usize> Dem<D> {
     /// Finds and solves the contacts, again with a wider search if a grain became faster than the search assumed.
-    /// Returns the energy of the error of the velocities over that of what forces bring; zero for a part of a step. The
-    /// bodies have the velocities then that they have without contacts.
+    /// Returns the energy of the error of the velocities over that of what forces bring; zero for a part of a step.
     pub(super) fn solve_contacts(
         &mut self,
         [h, step]: [f64; 2],
@@ -55,8 +54,6 @@ impl<const D: usize> Dem<D> {
             self.memory.store(self.particles.len(), h, self.beside(), || search.records(&problem, 0.0));
         }
         report.substeps += 1;
-        self.scene(h, load).set_free(&search.grid.grain_of, &problem.bodies);
-        problem.drop_rounding();
         (self.search, self.problem) = (search, problem);
         error
     }

@@ -26,6 +26,7 @@ impl<const D: usize> Dem<D> {
         let search = std::mem::take(&mut self.search);
         self.turn_walls(&search, &problem);
         let scene = self.scene(h, load);
+        scene.set_free(&search.grid.grain_of, &problem.bodies);
         problem.apply_impulses();
         rebound::limit(&mut problem, &scene, &search.grid.grain_of);
         report.missed_rebounds += rebound::missed(&problem, &scene, |k| search.between(&problem, k));

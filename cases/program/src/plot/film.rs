@@ -29,7 +29,7 @@ pub fn film(
     let path = |number: usize| frames.join(format!("frame-{number:05}.png"));
     moments.par_iter().enumerate().try_for_each(|(k, moment)| {
         let picture = Picture::read(moment, track)?;
-        draw(&path(k + 1), scene, &picture, Some(view))
+        draw(&path(k + 1), scene, &picture, view)
     })?;
     // Those of an earlier run that lasted longer would be part of the film.
     let mut later = (moments.len() + 1..).map(path).take_while(|path| path.is_file());

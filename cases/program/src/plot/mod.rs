@@ -13,7 +13,7 @@ mod snapshot;
 use crate::results::table::Table;
 use crate::results::{FOLDER, Moment, moments, read_scene};
 use droplet::Droplet;
-use snapshot::{Picture, View};
+use snapshot::{EXTREME, Picture, View};
 use std::path::{Path, PathBuf};
 use tracing::info;
 use voidage_coupling::{Error, Notice, Result};
@@ -78,7 +78,7 @@ fn film_of(folder: &Path) -> Result<Vec<PathBuf>> {
         return Ok(Vec::new());
     }
     let moments = moments(folder)?;
-    match View::over(&moments, &scene, None)? {
+    match View::over(&moments, &scene, None, 0.0)? {
         Some(view) => film::film(folder, &scene, &moments, (&view, None)),
         None => {
             let what = format!("{}: holds no frames, of which a film is made", folder.display());
@@ -196,7 +196,7 @@ fn pressure(folder: &Path, scene: &Scene, series: &Table) -> Result<Option<PathB
     Ok(Some(path))
 }
 
-/// Pictures of the moments that the scene asks for, and of the last.
+/// Pictures of the moments that the scene asks for, and of the last, all with the same axes and colours.
 fn snapshots(
     folder: &Path,
     scene: &Scene,
@@ -208,14 +208,22 @@ fn snapshots(
         let near = |at: &f64| (at - moment.time).abs() <= 0.51 * scene.time.step;
         scene.output.snapshots.iter().any(near) || last == Some(moment.time)
     };
+    let wanted: Vec<&Moment> = moments.iter().filter(wanted).collect();
     let (view, track) = droplet.map_or((None, None), |it| (it.view.as_ref(), it.track.as_ref()));
+    let own = match view {
+        Some(_) => None,
+        None => View::over(&wanted, scene, track, EXTREME)?,
+    };
+    let Some(view) = view.or(own.as_ref()) else { return Ok(Vec::new()) };
+    let strongest = wanted.iter().map(|moment| snapshot::strongest(moment));
+    let strongest = strongest.collect::<Result<Vec<_>>>()?.into_iter().fold(0.0, f64::max);
     let mut drawn = Vec::new();
-    for moment in moments.iter().filter(wanted) {
+    for moment in wanted {
         let path = folder.join(format!("snapshot-{:.3}s.png", moment.time));
         snapshot::draw(&path, scene, &Picture::read(moment, track)?, view)?;
         drawn.push(path);
         let path = folder.join(format!("chains-{:.3}s.png", moment.time));
-        if snapshot::chains(&path, scene, moment)? {
+        if snapshot::chains(&path, scene, moment, view, strongest)? {
             drawn.push(path);
         }
     }

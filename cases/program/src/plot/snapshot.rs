@@ -8,7 +8,7 @@ use colorous::Gradient;
 use plotters::style::RGBColor;
 use plotters::style::colors::{BLACK, WHITE};
 use rayon::prelude::*;
-use std::borrow::Cow;
+use std::borrow::{Borrow, Cow};
 use std::collections::BTreeMap;
 use std::path::Path;
 use voidage_coupling::Result;
@@ -17,7 +17,7 @@ use voidage_scene::build::wall as wall_at;
 use voidage_scene::recorder::{Frame, read_frame};
 
 /// Share of the lowest and of the highest values that do not stretch the colours of a picture.
-const EXTREME: f64 = 0.01;
+pub const EXTREME: f64 = 0.01;
 
 /// Colours of a droplet and of its outline.
 const LIQUID: [u8; 3] = [195, 226, 255];
@@ -26,6 +26,8 @@ const RIM: RGBColor = RGBColor(0, 90, 180);
 const STREAM: RGBColor = RGBColor(30, 100, 190);
 /// Arrows across the longer side of a picture.
 const ARROWS: f64 = 24.0;
+/// The column of the forces that chains show.
+const FORCE: &str = "normal_force_N_per_m";
 /// Colour of the outline of held grains.
 const HELD: RGBColor = RGBColor(120, 120, 120);
 
@@ -186,11 +188,17 @@ impl View {
         })
     }
 
-    /// One that serves all moments of a run; none without moments.
-    pub fn over(moments: &[Moment], scene: &Scene, track: Option<&Track>) -> Result<Option<View>> {
+    /// One that serves all moments of a run; none without moments. Of each, this share of values at either end does not
+    /// stretch the colours.
+    pub fn over(
+        moments: &[impl Borrow<Moment> + Sync],
+        scene: &Scene,
+        track: Option<&Track>,
+        extreme: f64,
+    ) -> Result<Option<View>> {
         let views = moments.par_iter().map(|moment| {
-            let picture = Picture::read(moment, track)?;
-            View::of(&picture, scene, 0.0).map(Some)
+            let picture = Picture::read(moment.borrow(), track)?;
+            View::of(&picture, scene, extreme).map(Some)
         });
         let join = |a: Option<View>, b: Option<View>| match (a, b) {
             (Some(a), Some(b)) => Some(a.join(&b)),
@@ -244,10 +252,8 @@ impl View {
     }
 }
 
-/// Draws a moment of a run into a file, in a view or in its own.
-pub fn draw(path: &Path, scene: &Scene, picture: &Picture, view: Option<&View>) -> Result<()> {
-    let own = view.is_none().then(|| View::of(picture, scene, EXTREME)).transpose()?;
-    let Some(view) = view.or(own.as_ref()) else { return Ok(()) };
+/// Draws a moment of a run into a file.
+pub fn draw(path: &Path, scene: &Scene, picture: &Picture, view: &View) -> Result<()> {
     if let Some(mut plane) = view.plane(path, &[picture.title()])? {
         paint(&mut plane, scene, picture, view)?;
         plane.save()?;
@@ -266,20 +272,25 @@ pub fn fields(path: &Path, scene: &Scene, frame: Frame, title: &str) -> Result<(
     Ok(())
 }
 
-/// Draws the force chains of a moment: each contact as a bar as wide and as dark as its normal force; nothing where
-/// no contact presses.
-pub fn chains(path: &Path, scene: &Scene, moment: &Moment) -> Result<bool> {
+/// The largest normal force of a moment that is drawn in a colour of its own, N/m.
+pub fn strongest(moment: &Moment) -> Result<f64> {
+    let Some(contacts) = &moment.contacts else { return Ok(0.0) };
+    Ok(inner(read_frame(contacts)?.column(FORCE).unwrap_or(&[]), EXTREME)[1])
+}
+
+/// Draws the force chains of a moment: each contact as a bar as wide and as dark as its normal force, the darkest with
+/// the force `high`; nothing where no contact presses.
+pub fn chains(path: &Path, scene: &Scene, moment: &Moment, view: &View, high: f64) -> Result<bool> {
     let picture = Picture::read(moment, None)?;
     let (Some(grains), Some(contacts)) = (&picture.grains, &moment.contacts) else { return Ok(false) };
     let contacts = read_frame(contacts)?;
-    let force = contacts.column("normal_force_N_per_m").unwrap_or(&[]);
-    let [_, high] = inner(force, EXTREME);
-    if high <= 0.0 {
+    let force = contacts.column(FORCE).unwrap_or(&[]);
+    if high <= 0.0 || inner(force, EXTREME)[1] <= 0.0 {
         return Ok(false);
     }
     let name = "normal force at contacts (N/m)".to_owned();
     let scale = Scale { name, gradient: colorous::YELLOW_ORANGE_RED, low: 0.0, high, part: [0.15, 1.0] };
-    let mut plane = Plane::new(path, picture.bounds(scene), &picture.title(), std::slice::from_ref(&scale))?;
+    let mut plane = Plane::new(path, view.bounds, &picture.title(), std::slice::from_ref(&scale))?;
     let radius = grains.column("radius_m").unwrap_or(&[]);
     let discs = || grains.points.iter().zip(radius);
     plane.discs(discs().map(|([x, y, _], r)| ([*x, *y], *r, [232, 232, 232])));

@@ -44,6 +44,8 @@ struct Bed {
     inflow: f64,
     /// Width over which grains are spread, in their diameters.
     kernel: f64,
+    /// Drag of the front and rear walls, kg/m3/s.
+    thin_cell: f64,
 }
 
 impl Bed {
@@ -51,11 +53,12 @@ impl Bed {
         1.0 - SOLIDITY * std::f64::consts::FRAC_PI_4 * (DIAMETER / SPACING).powi(2)
     }
 
-    /// Pressure gradient by Ergun's equation, Pa/m.
+    /// Pressure gradient by Ergun's equation and by the walls of a thin cell, Pa/m.
     fn law(&self) -> f64 {
         let ([density, viscosity], eps, w) = (self.fluid, Self::voidage(), self.inflow);
         let viscous = 150.0 * (1.0 - eps).powi(2) * viscosity * w / (eps.powi(3) * DIAMETER.powi(2));
-        viscous + 1.75 * (1.0 - eps) * density * w * w / (eps.powi(3) * DIAMETER)
+        let inertial = 1.75 * (1.0 - eps) * density * w * w / (eps.powi(3) * DIAMETER);
+        viscous + inertial + self.thin_cell * w / eps.powi(2)
     }
 
     /// Time in which drag stops the fluid, s.
@@ -67,11 +70,12 @@ impl Bed {
     fn measured(&self, mesh: &Mesh<2>, step: f64) -> Result<f64> {
         let [density, viscosity] = self.fluid;
         let inflow = Prescribed::Uniform(Vec2::new(0.0, self.inflow));
-        let set = FluidSet::new(density, viscosity)
+        let mut set = FluidSet::new(density, viscosity)
             .flow("left", FlowCondition::Slip)
             .flow("right", FlowCondition::Slip)
             .flow("top", FlowCondition::Open { pressure: 0.0 })
             .flow("bottom", FlowCondition::SuperficialVelocity(inflow));
+        set.properties.thin_cell_drag = self.thin_cell;
         let start = set.rest(mesh, 0.0);
         let place = |k: usize| [(k % COLUMNS) as f64, (k / COLUMNS) as f64].map(|n| (n + 0.5) * SPACING);
         let places = (0..COLUMNS * ROWS).map(|k| Vec2::from(place(k)) + Vec2::new(0.0, CLEAR)).collect();
@@ -112,7 +116,9 @@ fn mesh(edge: f64, squares: bool) -> Result<Mesh<2>> {
 }
 
 fn run(effort: Effort) -> Result<Outcome> {
-    let creeping = Bed { fluid: AIR, inflow: 0.01, kernel: 1.0 };
+    let creeping = Bed { fluid: AIR, inflow: 0.01, kernel: 1.0, thin_cell: 0.0 };
+    // Between front and rear walls: 12 eta / gap^2.
+    let thin = |gap: f64| Bed { thin_cell: 12.0 * AIR[1] / (gap * DIAMETER).powi(2), ..creeping };
     let mut outcome = Outcome::default();
     let mut drawn = Vec::new();
     // Over four decades of the step, on each mesh and in both fluids.
@@ -121,7 +127,9 @@ fn run(effort: Effort) -> Result<Outcome> {
         ("gas, elements of 1 d", 1.0, false, creeping),
         ("gas, elements of 2 d", 2.0, false, creeping),
         ("gas, squares of 1 d", 1.0, true, creeping),
-        ("liquid, elements of 1 d", 1.0, false, Bed { fluid: WATER, inflow: 1e-3, kernel: 1.0 }),
+        ("liquid, elements of 1 d", 1.0, false, Bed { fluid: WATER, inflow: 1e-3, ..creeping }),
+        ("gas between walls 2 d apart, elements of 1 d", 1.0, false, thin(2.0)),
+        ("gas between walls 0.4 d apart, elements of 1 d", 1.0, false, thin(0.4)),
     ];
     for (name, edge, squares, bed) in over_the_step {
         let mesh = mesh(*edge, *squares)?;

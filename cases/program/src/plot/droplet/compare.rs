@@ -72,7 +72,7 @@ fn beds(out: &Path, runs: &[Named]) -> Result<Option<PathBuf>> {
         let moments = moments(folder)?;
         let Some(last) = moments.last() else { return Ok(None) };
         let track = Track::new(series);
-        let own = View::over(std::slice::from_ref(last), scene, track.as_ref())?;
+        let own = View::over(std::slice::from_ref(last), scene, track.as_ref(), 0.0)?;
         view = view.map_or(own.clone(), |view| own.map(|own| view.join(&own)));
         let picture = Picture::read(last, track.as_ref())?;
         titles.push(format!("{}, {}", name.strip_prefix(BED).unwrap_or(name), picture.title()));

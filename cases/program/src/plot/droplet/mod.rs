@@ -31,7 +31,7 @@ impl Droplet {
             return Ok(None);
         }
         let track = series.and_then(Track::new);
-        let view = View::over(moments, scene, track.as_ref())?;
+        let view = View::over(moments, scene, track.as_ref(), 0.0)?;
         Ok(Some(Droplet { track, view }))
     }
 

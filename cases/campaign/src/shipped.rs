@@ -35,20 +35,29 @@ pub const CASES: [(&str, &str); 26] = [
     ("tracer", include_str!("../../tracer/scene.toml")),
 ];
 
+/// The shipped case of a name, with changes `key=value`; none if there is no such case.
+pub fn named(name: &Path, sets: &[String]) -> Option<Result<Scene>> {
+    let (name, text) = CASES.iter().find(|(known, _)| name.as_os_str() == *known)?;
+    Some(Scene::parse(&PathBuf::from(format!("{name}.toml")), text, sets).map_err(Error::from))
+}
+
 /// A scene from its file or, where there is no such file, the shipped case of that name, with changes `key=value`.
 ///
 /// # Errors
 /// There is neither such a file nor such a case, or the scene is wrong.
 pub fn read(scene: &Path, sets: &[String]) -> Result<Scene> {
-    let named = CASES.iter().find(|(name, _)| scene.as_os_str() == *name).filter(|_| !scene.is_file());
-    if let Some((name, text)) = named {
-        return Ok(Scene::parse(&PathBuf::from(format!("{name}.toml")), text, sets)?);
-    }
     if scene.exists() {
         return Scene::read(scene, sets);
     }
-    Err(Error::input(Notice::new(
-        format!("{}: there is no such file, and no shipped case of this name", scene.display()),
-        format!("give the path of a scene file, or one of {}", CASES.map(|(name, _)| name).join(", ")),
-    )))
+    named(scene, sets).unwrap_or_else(|| {
+        Err(Error::input(Notice::new(
+            format!("{}: there is no such file, and no shipped case of this name", scene.display()),
+            format!("give the path of a scene file, or {}", one_of()),
+        )))
+    })
+}
+
+/// The names of the shipped cases, for messages.
+pub fn one_of() -> String {
+    format!("one of {}", CASES.map(|(name, _)| name).join(", "))
 }
