@@ -1,7 +1,7 @@
 //! A fluid that is faster than all that drives it could make it: the solution is wrong, however well it is solved.
 
 use super::Simulation;
-use crate::{Flow, Fluid, Scene};
+use crate::{Flow, Fluid, Placement, Scene};
 use voidage_coupling::error::{Error, Notice, Result};
 use voidage_fluid::{Mesh, Vector};
 
@@ -18,6 +18,8 @@ pub(super) struct Drive {
     inflow: f64,
     /// Shortest edge, m.
     edge: f64,
+    /// Whether grains come or go, and the fluid makes room for them within a step.
+    passage: bool,
     /// The most that all together have given so far, m/s: what they have set in motion goes on without them.
     most: f64,
 }
@@ -26,6 +28,7 @@ impl Drive {
     pub fn of(scene: &Scene, mesh: Option<&Mesh<2>>) -> Option<Self> {
         let (fluid, mesh) = (scene.fluid.as_ref()?, mesh?);
         let (lower, upper) = mesh.bounds();
+        let comes = |group: &crate::Grains| matches!(group.placement, Placement::Source(_));
         let body = fluid.body_force.as_ref().map_or(0.0, |force| force.vector::<2>().norm());
         let head = scene.gravity.vector::<2>().norm() * (upper - lower).norm();
         let pressures = || {
@@ -41,6 +44,7 @@ impl Drive {
             acceleration: body,
             inflow: inflow(fluid, mesh),
             edge: shortest_edge(mesh),
+            passage: !scene.sinks.is_empty() || scene.grains.iter().any(comes),
             most: 0.0,
         })
     }
@@ -99,8 +103,9 @@ impl Simulation {
         let (Some(drive), Some(fluid)) = (&mut self.drive, self.coupled.fluid()) else { return Ok(()) };
         let given = drive.speed + drive.acceleration * time + drive.inflow / drive.edge + moved;
         drive.most = drive.most.max(given);
-        // A droplet boils by the heat that its grains give, and its vapour may be as fast as it likes.
-        if fluid.droplet.as_ref().is_some_and(|droplet| !droplet.state.gone) {
+        // A droplet boils by the heat that its grains give, and its vapour may be as fast as it likes; so may be what makes
+        // room for a grain that comes within a step.
+        if drive.passage || fluid.droplet.as_ref().is_some_and(|droplet| !droplet.state.gone) {
             drive.most = drive.most.max(fastest);
             return Ok(());
         }
