@@ -27,6 +27,15 @@ fn folder(scene: &str) -> tempfile::TempDir {
     folder
 }
 
+/// A folder of the name of a shipped case does not hide it.
+#[test]
+fn a_case_is_found_beside_a_folder_of_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("settling-grain-still")).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_voidage"));
+    command.current_dir(folder.path()).args(["check", "settling-grain-still"]).assert().success();
+}
+
 #[test]
 fn a_good_scene_has_sizes_and_nothing_unusual() {
     let (code, printed, said) = check(folder(BED).path(), &[]);

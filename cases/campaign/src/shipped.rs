@@ -46,14 +46,14 @@ pub fn named(name: &Path, sets: &[String]) -> Option<Result<Scene>> {
 /// # Errors
 /// There is neither such a file nor such a case, or the scene is wrong.
 pub fn read(scene: &Path, sets: &[String]) -> Result<Scene> {
-    if scene.exists() {
-        return Scene::read(scene, sets);
-    }
-    named(scene, sets).unwrap_or_else(|| {
-        Err(Error::input(Notice::new(
+    // A folder may have the name of a case.
+    let shipped = if scene.is_file() { None } else { named(scene, sets) };
+    shipped.unwrap_or_else(|| match scene.exists() {
+        true => Scene::read(scene, sets),
+        false => Err(Error::input(Notice::new(
             format!("{}: there is no such file, and no shipped case of this name", scene.display()),
             format!("give the path of a scene file, or {}", one_of()),
-        )))
+        ))),
     })
 }
 

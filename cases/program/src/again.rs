@@ -10,8 +10,13 @@ use voidage_scene::{Change, Scene};
 pub fn own_folder(checkpoint: &Path, hash: &str) -> Option<PathBuf> {
     let folder =
         checkpoint.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let there = Scene::read(&folder.join("scene.toml"), &[]).and_then(|scene| scene.hash()).ok()?;
-    (there == hash).then(|| folder.to_path_buf())
+    holds(folder, hash).then(|| folder.to_path_buf())
+}
+
+/// Whether a folder has results of the scene of this hash.
+fn holds(folder: &Path, hash: &str) -> bool {
+    let there = Scene::read(&folder.join("scene.toml"), &[]).and_then(|scene| scene.hash());
+    there.is_ok_and(|there| there == hash)
 }
 
 /// The command line that goes on from the checkpoint in a folder with the same options.
@@ -49,8 +54,7 @@ pub fn folder(
         let what = format!("--overwrite would remove the run that {} is of", file.display());
         return Err(Error::input(Notice::new(what, "give another folder with --out")));
     }
-    let there = Scene::read(&folder.join("scene.toml"), &[]).and_then(|scene| scene.hash()).ok();
-    let same = there.is_some_and(|hash| hash == checkpoint.stamp.scene_hash);
+    let same = holds(folder, &checkpoint.stamp.scene_hash);
     if same && !changes.is_empty() && !overwrite {
         let what = format!(
             "{}: holds the run that the checkpoint is of, without the change `{}`",

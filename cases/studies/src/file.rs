@@ -301,13 +301,12 @@ impl Study {
                 return Err(self.error(list, what, format!("give at least one [[{list}]]")));
             }
         }
-        if let Case::Scene(scene) = &self.case
-            && !self.origin.folder().join(scene).is_file()
-            && shipped::named(scene, &[]).is_none()
-        {
+        let unknown = |scene: &PathBuf| scene.is_relative() && shipped::named(scene, &[]).is_none();
+        if let Some(scene) = self.scene().filter(unknown) {
+            let file = self.origin.folder().join(scene);
             let what = format!(
                 "`case.scene`: there is no file {}, and no shipped case of this name",
-                self.origin.folder().join(scene).display()
+                file.display()
             );
             let help = format!("give the path of a scene, relative to the study, or {}", shipped::one_of());
             return Err(self.error("case.scene", what, help));

@@ -122,9 +122,7 @@ fn bed(count: usize) -> Result<Vec<(f64, f64)>> {
     let grains = settled.particles.rotating().heated(350.0, &materials)?;
     let start = grains.clone();
     // The network is made of the forces as they come out, whatever their error.
-    // From a cold start the forces of such a bed take thousands of sweeps.
-    let settings =
-        Settings { conduction: Some(Conduction::Henry), max_sweeps: 20_000, ..Settings::default() };
+    let settings = Settings { conduction: Some(Conduction::Henry), ..Settings::default() };
     let mut dem = Dem::new(grains, walls, materials.to_vec(), settings)?;
     // C/h beside conductances of some 0.1 W/K: nearly steady, and grains without contacts keep their temperature.
     let (dt, capacity) = (1e-3, 1e-6);

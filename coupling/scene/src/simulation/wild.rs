@@ -1,7 +1,7 @@
 //! A fluid that is faster than all that drives it could make it: the solution is wrong, however well it is solved.
 
 use super::Simulation;
-use crate::{Flow, Fluid, Placement, Scene};
+use crate::{Flow, Fluid, Scene};
 use voidage_coupling::error::{Error, Notice, Result};
 use voidage_fluid::{Mesh, Vector};
 
@@ -18,8 +18,6 @@ pub(super) struct Drive {
     inflow: f64,
     /// Shortest edge, m.
     edge: f64,
-    /// Whether grains come or go, and the fluid makes room for them within a step.
-    passage: bool,
     /// The most that all together have given so far, m/s: what they have set in motion goes on without them.
     most: f64,
 }
@@ -28,7 +26,6 @@ impl Drive {
     pub fn of(scene: &Scene, mesh: Option<&Mesh<2>>) -> Option<Self> {
         let (fluid, mesh) = (scene.fluid.as_ref()?, mesh?);
         let (lower, upper) = mesh.bounds();
-        let comes = |group: &crate::Grains| matches!(group.placement, Placement::Source(_));
         let body = fluid.body_force.as_ref().map_or(0.0, |force| force.vector::<2>().norm());
         let head = scene.gravity.vector::<2>().norm() * (upper - lower).norm();
         let pressures = || {
@@ -44,7 +41,6 @@ impl Drive {
             acceleration: body,
             inflow: inflow(fluid, mesh),
             edge: shortest_edge(mesh),
-            passage: !scene.sinks.is_empty() || scene.grains.iter().any(comes),
             most: 0.0,
         })
     }
@@ -99,13 +95,12 @@ impl Simulation {
     pub(super) fn check_speed(&mut self) -> Result<()> {
         let Some((node, fastest)) = self.fastest_fluid() else { return Ok(()) };
         let moved = self.moved();
-        let time = self.time();
+        let (time, room) = (self.time(), self.room());
         let (Some(drive), Some(fluid)) = (&mut self.drive, self.coupled.fluid()) else { return Ok(()) };
-        let given = drive.speed + drive.acceleration * time + drive.inflow / drive.edge + moved;
+        let given = drive.speed + drive.acceleration * time + (drive.inflow + room) / drive.edge + moved;
         drive.most = drive.most.max(given);
-        // A droplet boils by the heat that its grains give, and its vapour may be as fast as it likes; so may be what makes
-        // room for a grain that comes within a step.
-        if drive.passage || fluid.droplet.as_ref().is_some_and(|droplet| !droplet.state.gone) {
+        // A droplet boils by the heat that its grains give, and its vapour may be as fast as it likes.
+        if fluid.droplet.as_ref().is_some_and(|droplet| !droplet.state.gone) {
             drive.most = drive.most.max(fastest);
             return Ok(());
         }
@@ -122,6 +117,13 @@ impl Simulation {
             "the step may be too long, elements far smaller than solid grains (see coupling.kernel and solidity), or a \
              fluid solver wrong: frames and the last checkpoint show where it began",
         )))
+    }
+
+    /// What flows where grains come or go by sources and sinks, m2/s: the fluid makes room for one within a step.
+    fn room(&self) -> f64 {
+        let (Some(_), Some(grains)) = (&self.coupled.passage, self.coupled.grains()) else { return 0.0 };
+        let largest = grains.particles.radius.iter().copied().fold(0.0, f64::max);
+        std::f64::consts::PI * largest * largest / self.last_length()
     }
 
     /// Speed of the fastest grain, wall or node of the mesh in the last step, m/s.
@@ -185,5 +187,30 @@ mesh.rectangle = { lower = [0.0, 0.0], upper = [1.0, 1.0], size = 0.25, sides = 
                 simulation.step().unwrap();
             }
         }
+    }
+
+    /// In a fluid at rest nothing else drives it than the grain that comes.
+    #[test]
+    fn a_grain_that_comes_is_no_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.toml");
+        let grains = r#"
+[materials.m]
+density = 2500.0
+[[grains]]
+material = "m"
+radius = 0.02
+placement = { source = { name = "feed", lower = [0.3, 0.3], upper = [0.7, 0.7], rate = { grains = 20.0 } } }
+[coupling]
+scheme = "iterated"
+"#;
+        std::fs::write(&file, format!("{BOX}{grains}").replace("[1.0, 0.0] } }", "[0.0, 0.0] } }")).unwrap();
+        let scene = Scene::read(&file, &[]).unwrap();
+        let mut simulation = Simulation::new(&scene).unwrap();
+        for _ in 0..20 {
+            simulation.step().unwrap();
+            simulation.check_speed().unwrap();
+        }
+        assert!(simulation.coupled.grains().is_some_and(|grains| grains.particles.len() > 1));
     }
 }
