@@ -72,10 +72,21 @@ pub struct Interaction<const D: usize> {
     pub appearing: Appearing<D>,
     /// Force (N) and heat (W) that the fluid lost at the points in the last solution.
     pub lost: (Vector<D>, f64),
+    /// Parts of the step in hand in which fluid and grains did not go equally far: what is still to be compared.
+    pub(crate) open: Option<Open<D>>,
     /// The grains in the water of a droplet, and the water as they feel it; absent without a droplet.
     pub wet: Option<Wet<D>>,
     /// Cuts grains by the cells of the mesh.
     pub overlap: Overlap<D>,
+}
+
+/// What grains got less what the fluid lost over parts in which they did not go equally far, and the scale of it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Open<const D: usize> {
+    /// Impulse, N s, and heat, J.
+    defect: (Vector<D>, f64),
+    /// Sums of their amounts.
+    scale: (f64, f64),
 }
 
 impl<const D: usize> Default for Interaction<D> {
@@ -98,6 +109,7 @@ impl<const D: usize> Default for Interaction<D> {
             departed_mass: 0.0,
             appearing: Appearing::default(),
             lost: (Vector::zeros(), 0.0),
+            open: None,
             wet: None,
             overlap: Overlap::default(),
         }
@@ -146,14 +158,9 @@ impl<const D: usize> Interaction<D> {
         self.lost = exchange::lost(&self.points, fluid, HEAT);
     }
 
-    /// Compares what the grains got in a part of a step with what the fluid lost and what is carried on.
-    pub(crate) fn balance(&mut self, dt: f64, report: &mut StepReport) {
-        let worse = |worst: &mut Option<f64>, defect: f64| {
-            // What is no number must not get lost in a maximum.
-            *worst = Some(
-                worst.map_or(defect, |worst| if worst > defect || worst.is_nan() { worst } else { defect }),
-            );
-        };
+    /// Compares what the grains got in their motions with what the fluid lost in a solution over `dt` and what is carried
+    /// on. Grains that went on for another time than the fluid, `moved`, are compared when the step [ends](Self::close).
+    pub(crate) fn balance(&mut self, (dt, moved): (f64, f64), report: &mut StepReport) {
         let (mut force, mut heat) = (self.lost.0, self.lost.1);
         if let Some(carried) = &mut self.carried {
             let (impulse, warmth) = carried.change();
@@ -165,16 +172,44 @@ impl<const D: usize> Interaction<D> {
         // they carry.
         let speeds = self.at.velocity.iter().zip(&self.load.velocity).map(|(u, b)| u.norm() + b.norm());
         let through: f64 = self.load.drag.iter().zip(speeds).map(|(drag, speed)| drag * speed).sum();
-        let defect = relative((got - force).norm(), scale.max(1e-3 * through));
-        worse(&mut report.momentum_exchange_defect, defect);
+        let scale = scale.max(1e-3 * through);
+        let mut warm = (0.0, 0.0);
         if let Some(columns) = &self.load.heat {
-            let got: f64 = self.heat.iter().sum();
             let scale: f64 = self.heat.iter().map(|q| q.abs()).sum();
             // Grains as warm as the fluid exchange the round-off of hA T.
             let warmth = columns.coefficient.iter().zip(&self.at.temperature);
             let through: f64 = warmth.map(|(h, t)| (h * t).abs()).sum();
-            let defect = relative((got - heat).abs(), scale.max(1e-3 * through));
-            worse(&mut report.energy_exchange_defect, defect);
+            warm = (self.heat.iter().sum(), scale.max(1e-3 * through));
+        }
+        if moved == dt && self.open.is_none() {
+            let defect = ((got - force).norm(), (warm.0 - heat).abs());
+            return self.report(defect, (scale, warm.1), report);
+        }
+        let nothing = Open { defect: (Vector::zeros(), 0.0), scale: (0.0, 0.0) };
+        let open = self.open.get_or_insert(nothing);
+        open.defect.0 += got * moved - force * dt;
+        open.defect.1 += warm.0 * moved - heat * dt;
+        open.scale.0 += scale * moved.max(dt);
+        open.scale.1 += warm.1 * moved.max(dt);
+    }
+
+    /// Compares what is still open at the end of a step.
+    pub(crate) fn close(&mut self, report: &mut StepReport) {
+        if let Some(Open { defect, scale }) = self.open.take() {
+            self.report((defect.0.norm(), defect.1.abs()), scale, report);
+        }
+    }
+
+    fn report(&self, defect: (f64, f64), scale: (f64, f64), report: &mut StepReport) {
+        let worse = |worst: &mut Option<f64>, defect: f64| {
+            // What is no number must not get lost in a maximum.
+            *worst = Some(
+                worst.map_or(defect, |worst| if worst > defect || worst.is_nan() { worst } else { defect }),
+            );
+        };
+        worse(&mut report.momentum_exchange_defect, relative(defect.0, scale.0));
+        if self.load.heat.is_some() {
+            worse(&mut report.energy_exchange_defect, relative(defect.1, scale.1));
         }
     }
 }

@@ -8,6 +8,8 @@ use crate::droplet::{Droplet, GrainShare};
 use crate::exchange::{OnMesh, Rigid};
 use crate::interaction::relative;
 use crate::load::GrainLoad;
+use crate::motions::Motions;
+use crate::parts::{Part, Parts};
 use crate::scheme::anchored::Forcing;
 use crate::{Error, Fluid, HEAT, Interaction, Notice, Result, StepReport, overlap};
 use rayon::prelude::*;
@@ -25,6 +27,10 @@ pub struct Mixture<const D: usize> {
     pub fluid: Fluid<D>,
     /// Their exchange.
     pub interaction: Interaction<D>,
+    /// What the grains got in the step in hand.
+    pub motions: Motions<D>,
+    /// What was given and taken in the parts of the step in hand; absent while the step is whole.
+    pub(crate) parts: Option<Parts<D>>,
     phase: Phase,
 }
 
@@ -40,13 +46,6 @@ enum Phase {
     Closed,
     /// The fluid has been solved.
     Solved,
-}
-
-/// Reports a motion of the grains that began at `start`. Sweeps of trials and of earlier parts of the step count too.
-fn moved(now: voidage_dem::StepReport, start: Instant, report: &mut StepReport) {
-    let before = report.grains.map_or(0, |grains| grains.sweeps);
-    report.grains = Some(voidage_dem::StepReport { sweeps: before + now.sweeps, ..now });
-    report.phases.contacts += start.elapsed().as_secs_f64();
 }
 
 /// What the grains take of a droplet with another surface.
@@ -67,7 +66,7 @@ impl<const D: usize> Mixture<D> {
             let taken = taken_within(&grains.particles, droplet.surface(), place, share);
             droplet.hold(taken.volume);
         }
-        Self { grains, fluid, interaction, phase: Phase::Accepted }
+        Self { grains, fluid, interaction, motions: Motions::default(), parts: None, phase: Phase::Accepted }
     }
 
     /// Refuses a phase that needs an earlier one.
@@ -137,14 +136,16 @@ impl<const D: usize> Mixture<D> {
         wet.solid()
     }
 
-    /// Drag and heat-transfer coefficients, added mass and lift in a step of `dt`, with the fluid of the last accepted
-    /// step.
+    /// Drag and heat-transfer coefficients, added mass and lift in a solution of the fluid or a motion of the grains over
+    /// `dt`, with the fluid that the grains have met last and the present velocities of the grains. The law by which the
+    /// water of a droplet holds them follows the first call after the grains have been cut.
     ///
     /// # Errors
     /// The grains have not been cut.
     pub fn evaluate_closures(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
         self.needs(Phase::Cut, "evaluate_closures", "cut_grains")?;
         let start = Instant::now();
+        let first = self.phase == Phase::Cut;
         let particles = &self.grains.particles;
         let Interaction { laws, load, at, voidage: means, .. } = &mut self.interaction;
         let (pieces, voidage, mesh) = (&load.pieces, &load.voidage, &self.fluid.mesh);
@@ -172,7 +173,7 @@ impl<const D: usize> Mixture<D> {
         self.add_unsteady(dt);
         let particles = &self.grains.particles;
         let Interaction { wet, .. } = &mut self.interaction;
-        if let (Some(droplet), Some(wet)) = (&mut self.fluid.droplet, wet) {
+        if let (true, Some(droplet), Some(wet)) = (first, &mut self.fluid.droplet, wet) {
             let water = &droplet.material.water;
             let liquid = droplet.material.choices.inside.of(droplet.state.liquid / droplet.volume());
             wet.evaluate_closures(particles, (water, liquid), &droplet.state.velocity);
@@ -186,7 +187,7 @@ impl<const D: usize> Mixture<D> {
             false => self.find_cohesive(),
         }
         report.phases.closure += start.elapsed().as_secs_f64();
-        self.phase = Phase::Closed;
+        self.phase = self.phase.max(Phase::Closed);
         Ok(())
     }
 
@@ -278,9 +279,11 @@ impl<const D: usize> Mixture<D> {
         Ok(())
     }
 
-    /// Contacts and motion of the grains under the forces and heat of the fluid.
+    /// Contacts and motion of the grains over `dt` under the forces and heat of the fluid. Further motions before the next
+    /// [`Self::accept`] go on from there: the means over the step are those over all of them.
     pub fn move_grains(&mut self, dt: f64, report: &mut StepReport) {
         let start = Instant::now();
+        let before = (self.motions.time() > 0.0).then(|| self.grains.means());
         let Interaction { force, heat, cohesive, wet, .. } = &mut self.interaction;
         let load = match (&self.fluid.droplet, wet) {
             (Some(droplet), Some(wet)) => {
@@ -288,11 +291,16 @@ impl<const D: usize> Mixture<D> {
             }
             _ => Load { force, heat, cohesive, ..Load::default() },
         };
-        moved(self.grains.step(dt, &load), start, report);
+        let moved = self.grains.step(dt, &load);
+        self.report_motion(moved, start, report);
+        let share = self.book_moved(dt);
+        if let Some(before) = before {
+            self.grains.go_on_from(&before, share);
+        }
     }
 
-    /// What drag and added mass felt of the motion of each grain in the last [`Self::drive_grains`], m/s: without added
-    /// mass the mean velocity over the step. The force on a grain was its forcing less gamma times it.
+    /// What drag and added mass felt of the motion of each grain in a step that [`Self::drive_grains`] made in one motion,
+    /// m/s: without added mass the mean velocity. The force on a grain was its forcing less gamma times it.
     pub fn felt(&self) -> &[Vector<D>] {
         let felt = &self.interaction.felt;
         if felt.is_empty() { self.grains.mean_velocity() } else { felt }
@@ -307,6 +315,7 @@ impl<const D: usize> Mixture<D> {
     pub fn drive_grains(&mut self, dt: f64, forcing: &Forcing<D>, report: &mut StepReport) -> Result<()> {
         self.needs(Phase::Closed, "drive_grains", "evaluate_closures")?;
         let start = Instant::now();
+        let before = (self.motions.time() > 0.0).then(|| self.grains.means());
         let Interaction { load, cohesive, wet, felt, .. } = &mut self.interaction;
         let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
         let Forcing { force, heat } = forcing;
@@ -319,7 +328,7 @@ impl<const D: usize> Mixture<D> {
             _ => Load { force, drag, heat, transfer, cohesive, ..Load::default() },
         };
         acting.added = &load.added;
-        moved(self.grains.step(dt, &acting), start, report);
+        let moved = self.grains.step(dt, &acting);
         felt.clear();
         if let Some((_, drag)) = &steady {
             let (mean, end) = (self.grains.mean_velocity(), &self.grains.particles.velocity);
@@ -328,6 +337,11 @@ impl<const D: usize> Mixture<D> {
                 let whole = drag[i] + inertia;
                 if whole > 0.0 { (mean[i] * drag[i] + end[i] * inertia) / whole } else { mean[i] }
             }));
+        }
+        self.report_motion(moved, start, report);
+        let share = self.book_driven(dt, forcing);
+        if let Some(before) = before {
+            self.grains.go_on_from(&before, share);
         }
         Ok(())
     }
@@ -354,22 +368,45 @@ impl<const D: usize> Mixture<D> {
     /// # Errors
     /// The fluid has not been solved.
     pub fn accept(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
-        self.accept_part(dt, report)?;
-        self.end_step();
+        self.accept_part(Part::whole(dt), report)?;
+        self.end_step(report);
         Ok(())
     }
 
-    /// Counts a step whose parts have all been accepted.
-    pub(crate) fn end_step(&mut self) {
+    /// A step begins: nothing of one that was not ended counts.
+    pub fn begin_step(&mut self) {
+        self.motions.begin();
+        self.parts = None;
+        self.interaction.open = None;
+    }
+
+    /// Counts a step whose parts have all been accepted. What grains, walls and boundaries got in it is now the mean over
+    /// them.
+    pub fn end_step(&mut self, report: &mut StepReport) {
+        self.interaction.close(report);
+        if let Some(parts) = self.parts.take() {
+            parts.put(self);
+        }
         self.fluid.clock.steps += 1;
     }
 
-    /// The same for a part of a step of `dt`.
+    /// Accepts the last solution of the fluid, which was over a part of a step, and the motions of the grains since the
+    /// part before.
     ///
     /// # Errors
     /// The fluid has not been solved.
-    pub(crate) fn accept_part(&mut self, dt: f64, report: &mut StepReport) -> Result<()> {
+    pub fn accept_part(&mut self, part: Part, report: &mut StepReport) -> Result<()> {
         self.needs(Phase::Solved, "accept", "solve_fluid")?;
+        let Part { dt, whole } = part;
+        let moved = self.motions.time();
+        if moved > 0.0 {
+            self.interaction.force.clone_from(&self.motions.force);
+            self.interaction.heat.clone_from(&self.motions.heat);
+        }
+        let mut parts = self.parts.take().or_else(|| (dt < whole).then(Parts::default));
+        if let Some(parts) = &mut parts {
+            parts.add(self, dt / whole, moved / whole);
+        }
         let Self { grains, fluid, interaction, .. } = self;
         if let (Some(droplet), Some(wet)) = (&mut fluid.droplet, &interaction.wet) {
             let moved = (grains.mean_velocity(), grains.mean_temperature());
@@ -379,7 +416,12 @@ impl<const D: usize> Mixture<D> {
         if interaction.wet.is_some() {
             interaction.overlap.moved(&fluid.mesh);
         }
-        self.interaction.balance(dt, report);
+        if let Some(parts) = &mut parts {
+            parts.add_droplet(fluid.droplet.as_deref(), dt / whole);
+        }
+        self.parts = parts;
+        self.interaction.balance((dt, moved), report);
+        self.motions.begin();
         let appearing = &mut self.interaction.appearing;
         *report.appeared.get_or_insert_default() += appearing.volume();
         appearing.settle();

@@ -95,6 +95,7 @@ impl<const D: usize> Coupled<D> {
             }
             System::Mixture(mixture) => {
                 let renewed = std::mem::take(&mut report);
+                mixture.begin_step();
                 report = self.scheme.step(mixture, dt)?;
                 if let Some((grain, speed)) = report.grains.and_then(|grains| grains.runaway) {
                     return Err(runaway(&self.system, grain, speed));

@@ -28,6 +28,24 @@ fn largest<const D: usize>(particles: &Particles<D>) -> f64 {
     particles.radius.iter().fold(0.0, |most, r| most.max(*r))
 }
 
+/// What is a mean over a step: forces and heat of contacts and walls, moments on walls, velocities, temperatures.
+#[derive(Clone, Debug, Default)]
+pub struct Means<const D: usize> {
+    vectors: [Vec<Vector<D>>; 3],
+    numbers: [Vec<f64>; 4],
+}
+
+/// Makes a mean over the last `share` of a time one over all of it, of which `old` is that over the rest; a column that
+/// is empty for one of both stays as it is.
+fn blend<T>(mean: &mut [T], old: &[T], share: f64)
+where
+    T: Copy + std::ops::Mul<f64, Output = T> + std::ops::Add<Output = T>,
+{
+    if mean.len() == old.len() {
+        mean.iter_mut().zip(old).for_each(|(mean, old)| *mean = *old * (1.0 - share) + *mean * share);
+    }
+}
+
 /// Radii that a grain may go in a step.
 const RUNAWAY: f64 = 1e7;
 
@@ -239,6 +257,30 @@ impl<const D: usize> Dem<D> {
         self.mean_temperature.iter_mut().for_each(|t| *t /= dt);
         report.wall_heat = self.wall_heat.iter().sum();
         report
+    }
+
+    /// What is a mean over the last step.
+    pub fn means(&self) -> Means<D> {
+        Means {
+            vectors: [&self.contact_force, &self.wall_force, &self.mean_velocity].map(Vec::clone),
+            numbers: [&self.contact_heat, &self.wall_heat, &self.wall_torque, &self.mean_temperature]
+                .map(Vec::clone),
+        }
+    }
+
+    /// Takes means for those over the last step, as after [`Self::restore`] of a state within a step.
+    pub fn set_means(&mut self, means: Means<D>) {
+        [self.contact_force, self.wall_force, self.mean_velocity] = means.vectors;
+        [self.contact_heat, self.wall_heat, self.wall_torque, self.mean_temperature] = means.numbers;
+    }
+
+    /// Takes the last step for the last `share` of a longer one, of whose rest these are the means.
+    pub fn go_on_from(&mut self, means: &Means<D>, share: f64) {
+        let vectors = [&mut self.contact_force, &mut self.wall_force, &mut self.mean_velocity];
+        vectors.into_iter().zip(&means.vectors).for_each(|(mean, old)| blend(mean, old, share));
+        let numbers =
+            [&mut self.contact_heat, &mut self.wall_heat, &mut self.wall_torque, &mut self.mean_temperature];
+        numbers.into_iter().zip(&means.numbers).for_each(|(mean, old)| blend(mean, old, share));
     }
 
     /// The first grain whose place or velocity, now or after the forces, is not finite, or that would go farther than

@@ -45,7 +45,7 @@ mod velocity_bounds;
 mod walls;
 
 pub use bonds::{Bond, Bonds};
-pub use dem::{Contact, ContactForce, Dem, Partner, State};
+pub use dem::{Contact, ContactForce, Dem, Means, Partner, State};
 pub use energy::Energy;
 pub use error::{Error, Result, Rounded};
 pub use heat::Conduction;

@@ -177,7 +177,9 @@ fn a_step_in_parts_reports_what_passes_in_all_of_them() {
     let (second, travel) = (balances(&halves), 1.2 * fastest(&halves, scene.time.step));
     let cutting = Some(voidage_coupling::scheme::cut::Cutting { travel, ..Default::default() });
     let scheme = voidage_coupling::scheme::SchemeName::Henry;
-    cut.coupled_mut().set_scheme(scheme.build(&Default::default(), cutting));
+    cut.coupled_mut().set_scheme(
+        scheme.build(&voidage_coupling::scheme::Options { cut: cutting, ..Default::default() }).unwrap(),
+    );
     let report = cut.step().expect("a step");
     assert_eq!(report.agreement.expect("both").parts, 2);
     let mut differs = 0.0f64;

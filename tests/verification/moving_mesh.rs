@@ -8,8 +8,7 @@ use voidage_coupling::load::GrainLoad;
 use voidage_coupling::motion::{MeshMover, Oscillation};
 use voidage_coupling::overlap::{self, Overlap};
 use voidage_coupling::remesh::{Remesh, Remesher};
-use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::{Coupled, HEAT, System, TEMPERATURE};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
 use voidage_fluid::flow::State;
@@ -391,7 +390,7 @@ fn a_uniform_stream_stays_uniform_when_the_domain_is_remeshed() {
     fluid.remesher = Some(Remesher::new(&fluid.mesh, Remesh { every: 2, angle: 0.0 }));
     fluid.motion = Some(Box::new(oscillation));
     let first = fluid.mesh.clone();
-    let scheme = SchemeName::Henry.build(&Iteration::default(), None);
+    let scheme = SchemeName::Henry.build(&Options::default()).unwrap();
     let mut flow = Coupled::new(System::Fluid(Box::new(fluid)), scheme);
     for step in 1..=6 {
         let report = flow.step(0.05).expect("a step");
@@ -443,7 +442,7 @@ fn a_uniform_stream_stays_uniform_on_a_mesh_moved_by_any_mover() {
     let mut fluid = set.build(mesh, start).expect("a valid fluid");
     let rest = fluid.mesh.points.clone();
     fluid.motion = Some(Box::new(Whirl { rest: rest.clone(), velocity: vec![] }));
-    let scheme = SchemeName::Henry.build(&Iteration::default(), None);
+    let scheme = SchemeName::Henry.build(&Options::default()).unwrap();
     let mut flow = Coupled::new(System::Fluid(Box::new(fluid)), scheme);
     for _ in 0..4 {
         flow.step(0.1).expect("a step");

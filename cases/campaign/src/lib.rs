@@ -16,6 +16,9 @@ pub mod table;
 
 pub use suite::{Effort, Suite};
 
+use voidage_coupling::Notice;
+use voidage_coupling::scheme::SchemeName;
+
 /// The larger of two values, or what is no number: `f64::max` drops it, and a finding that should fail passes.
 pub fn worse(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
@@ -24,6 +27,15 @@ pub fn worse(a: f64, b: f64) -> f64 {
 /// The largest size of some values; no number if one is none.
 pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().map(f64::abs).fold(0.0, worse)
+}
+
+/// A coupling scheme by its name on a command line; a file of one's own is beside the current folder.
+///
+/// # Errors
+/// There is no such scheme.
+pub fn scheme(name: &str) -> std::result::Result<SchemeName, String> {
+    let scheme: SchemeName = name.parse().map_err(|notice: Notice| notice.to_string())?;
+    Ok(std::env::current_dir().map_or(scheme, |folder| scheme.within(&folder)))
 }
 
 #[cfg(test)]

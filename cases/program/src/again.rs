@@ -27,7 +27,7 @@ pub fn command(options: &Options, folder: &Path) -> String {
         words.extend(value.into_iter().flat_map(|value| [name.to_owned(), value]));
     };
     options.sets.iter().for_each(|set| option("--set", Some(set.clone())));
-    option("--scheme", options.scheme.clone());
+    option("--scheme", options.scheme.map(|scheme| scheme.name().to_owned()));
     option("--fluid", options.fluid.clone());
     option("--transport", options.process.transport.clone());
     option("--timeout", options.process.timeout.map(|seconds| seconds.to_string()));

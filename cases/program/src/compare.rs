@@ -13,6 +13,7 @@ use std::sync::PoisonError;
 use tracing::{info, warn};
 use voidage_campaign::process::start_threads;
 use voidage_campaign::progress::{News, Progress};
+use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Notice, Result, StepReport};
 use voidage_remote::launch::Host;
 use voidage_scene::Scene;
@@ -46,6 +47,9 @@ pub struct Options {
     /// Largest relative difference of a step from the same state that passes.
     #[arg(long, default_value_t = 1e-9)]
     tolerance: f64,
+    /// Coupling scheme, instead of that of the scene: one that is shipped, or python:FILE[:CLASS].
+    #[arg(long, value_parser = voidage_campaign::scheme)]
+    scheme: Option<SchemeName>,
     /// Folder of results. Default: `out/` and the name of the scene, with `-compared`.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -118,6 +122,7 @@ fn candidates(options: &Options, folder: &Path) -> Result<Vec<Candidate>> {
     let mut candidates = Vec::new();
     for name in &options.fluids {
         let mut sets = vec![format!("fluid.solver.tolerance={LINEAR_TOLERANCE:e}")];
+        sets.extend(options.scheme.map(run::scheme_setting));
         sets.extend(options.sets.iter().cloned());
         sets.extend(options.process.sets_of(name)?);
         let scene = shipped::read(&options.scene, &sets)?;

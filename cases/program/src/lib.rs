@@ -9,6 +9,7 @@ mod closures;
 mod compare;
 mod doctor;
 mod ending;
+mod in_python;
 mod keys;
 mod new;
 mod placing;
@@ -162,6 +163,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         _ => false,
     };
     progress::start_logging(quiet);
+    voidage_coupling::scheme::own::start_where_schemes_are_made(in_python::start);
     // Where an interpreter is the process, nobody else writes what is left in the buffer.
     let written =
         || std::io::stdout().flush().map_err(|error| Error::run(format!("cannot write the output: {error}")));

@@ -6,7 +6,6 @@ use crate::placing;
 use crate::plot;
 use crate::shipped;
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -49,9 +48,9 @@ pub struct Options {
     /// Number of threads; results do not depend on it. Default: one per core.
     #[arg(long)]
     pub threads: Option<usize>,
-    /// Coupling scheme, instead of that of the scene.
-    #[arg(long, value_parser = schemes())]
-    pub scheme: Option<String>,
+    /// Coupling scheme, instead of that of the scene: one that is shipped, or python:FILE[:CLASS].
+    #[arg(long, value_parser = voidage_campaign::scheme)]
+    pub scheme: Option<SchemeName>,
     /// Fluid solver, instead of that of the scene: rust; in a process of its own serve (the same), fenicsx, scikit-fem
     /// or python:MODULE; or one that is started by hand, attach:ADDRESS (shm:NAME or tcp:HOST:PORT).
     #[arg(long)]
@@ -106,9 +105,9 @@ impl Process {
     }
 }
 
-/// The names of schemes.
-fn schemes() -> PossibleValuesParser {
-    PossibleValuesParser::new(SchemeName::ALL.map(SchemeName::name))
+/// The change of a scene that chooses a scheme.
+pub fn scheme_setting(scheme: SchemeName) -> String {
+    format!("coupling.scheme={:?}", scheme.name())
 }
 
 /// Runs a scene; the number is the exit code.
@@ -128,7 +127,7 @@ pub fn run(options: &Options) -> Result<u8> {
 /// The options as changes of the scene.
 fn sets(options: &Options) -> Result<Vec<String>> {
     let mut sets = options.sets.clone();
-    sets.extend(options.scheme.iter().map(|scheme| format!("coupling.scheme={scheme:?}")));
+    sets.extend(options.scheme.map(scheme_setting));
     sets.extend(options.process.sets(options.fluid.as_deref())?);
     Ok(sets)
 }

@@ -13,9 +13,8 @@ use voidage_campaign::{Effort, largest, worse};
 use voidage_coupling::closure::ThermalFluid;
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Buoyancy, Choices, Material};
-use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::cut::Cutting;
-use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::{Coupled, Result, TEMPERATURE};
 use voidage_dem::Dem;
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
@@ -157,7 +156,7 @@ fn sink(number: f64, most: f64, scheme: SchemeName) -> Result<Sample> {
     let latent = carries(number, gravity)?;
     let mut system = sinking(Sinking { number, part, density: WATER, gravity, latent }, scheme)?;
     let cutting = Cutting { travel: f64::INFINITY, absorption: most };
-    system.set_scheme(scheme.build(&Iteration::default(), Some(cutting)));
+    system.set_scheme(scheme.build(&Options { cut: Some(cutting), ..Options::default() })?);
     let (mut tally, mut fastest, mut numbers, mut last) = (Tally::default(), 0.0f64, 0.0f64, vec![]);
     for step in 0..STEPS {
         tally.add(&system.step(STEP)?);

@@ -8,8 +8,7 @@ use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunctio
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
 use voidage_coupling::remesh::{Remesh, Remesher};
-use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::{Coupled, HEAT, Result, System, TEMPERATURE};
 use voidage_fluid::Mesh;
 use voidage_fluid::body::{Blowing, Body, BodyMotion};
@@ -182,7 +181,7 @@ fn system(
     let mut fluid = set.build(mesh, start)?;
     fluid.droplet = Some(Box::new(droplet));
     fluid.remesher = Some(Remesher::around_droplet(&fluid.mesh, None, when));
-    let scheme = SchemeName::default().build(&Iteration::default(), None);
+    let scheme = SchemeName::default().build(&Options::default())?;
     Ok(Coupled::new(System::Fluid(Box::new(fluid)), scheme))
 }
 

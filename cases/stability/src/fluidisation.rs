@@ -22,9 +22,8 @@ use super::axis::{Axis, Sample, Tally, Verdict};
 use super::bed::{Bed, GAS, LIQUID, Lying, pushed, upward};
 use rayon::prelude::*;
 use voidage_campaign::Effort;
-use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::cut::Cutting;
-use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::{Coupled, Error, Result};
 use voidage_dem::Particles;
 use voidage_fluid::conditions::{FlowCondition, Prescribed};
@@ -122,7 +121,7 @@ fn curve(
     let up: Vec<f64> = up.into_iter().filter(|inflow| *inflow < 1.0 || moves).collect();
     let down = up.iter().rev().skip(1);
     let mut system = bed.system((&lying.particles, &lying.material), 0.0, scheme, (false, TOLERANCE))?;
-    system.set_scheme(scheme.build(&Iteration::default(), Some(Cutting::default())));
+    system.set_scheme(scheme.build(&Options { cut: Some(Cutting::default()), ..Options::default() })?);
     let (mut tally, mut worst, mut curves) = (Tally::default(), 1.0f64, vec![]);
     for (k, &inflow) in up.iter().chain(down).enumerate() {
         let speed = inflow * lying.fluidisation;

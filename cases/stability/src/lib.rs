@@ -41,19 +41,12 @@ pub struct Options {
     /// Only the axis of this name (may be repeated).
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Only this scheme (may be repeated).
-    #[arg(long, value_name = "SCHEME", value_parser = scheme)]
+    /// Only this scheme, or one of your own, python:FILE[:CLASS] (may be repeated).
+    #[arg(long, value_name = "SCHEME", value_parser = voidage_campaign::scheme)]
     scheme: Vec<SchemeName>,
     /// Print what a step costs with each scheme, and stop.
     #[arg(long)]
     costs: bool,
-}
-
-/// A scheme by its name.
-fn scheme(name: &str) -> std::result::Result<SchemeName, String> {
-    let known: Vec<String> = SchemeName::ALL.iter().map(ToString::to_string).collect();
-    let found = SchemeName::ALL.into_iter().find(|scheme| scheme.to_string() == name);
-    found.ok_or_else(|| format!("there is no such scheme: use one of {}", known.join(", ")))
 }
 
 /// All axes, in the order in which they run.
@@ -86,6 +79,7 @@ pub fn stability(options: &Options) -> Result<u8> {
         }
         return Ok(0);
     }
+    options.scheme.iter().try_for_each(|scheme| scheme.require())?;
     start_threads(suite.threads)?;
     let folder = suite.folder("out/stability");
     create_folder(&folder)?;

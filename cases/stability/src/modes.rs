@@ -4,11 +4,17 @@
 //! volume and slip: A = beta dt/(eps rho_f), B = beta dt/(phi rho_p) = dt over the relaxation time of a grain,
 //! r = (rho_f/rho_p)(phi/eps), so that A = B phi rho_p/(eps rho_f), and K = B/eps in a closed box, where eps u + phi v
 //! = 0.
+//!
+//! The schemes that carry an impulse from step to step have more states than a mode has speeds: theirs are linear maps,
+//! with the forcing f in the units of gamma and the impulse j in those of gamma dt.
 
 use super::axis::{Axis, Sample, Tally, Verdict, product};
+use nalgebra::DMatrix;
 use voidage_campaign::{Effort, largest, worse};
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::anchored::RETURNED;
+use voidage_coupling::scheme::sub_cycled::SubCycling;
 use voidage_coupling::{Coupled, HEAT, Result, TEMPERATURE};
 use voidage_dem::{Dem, Load, Material, Settings, Wall};
 use voidage_fluid::Mesh;
@@ -108,7 +114,13 @@ pub const AXES: &[Axis] = &[
             Effort::Full => product(&[0.01, 0.1, 1.0, 10.0, 1000.0], &STEP),
         },
         run: |[ratio, step], scheme, _| heat(ratio, step, scheme),
-        theory: |[ratio, step], scheme| known(heat_factor(ratio, scheme, step), scheme, step, true),
+        theory: |[ratio, step], scheme| {
+            let factor = match Splitting::of(scheme, step) {
+                Some(splitting) => splitting.slip(step * ratio).root(),
+                None => heat_factor(ratio, scheme, step),
+            };
+            known(factor, scheme, step, true)
+        },
     },
 ];
 
@@ -142,9 +154,29 @@ impl Mixture {
         }
     }
 
-    /// The larger root of the recursion, in magnitude.
+    /// The largest factor in the closed box, in magnitude.
     fn root(&self, scheme: SchemeName, b: f64) -> f64 {
-        larger_root(self.recursion(scheme, b))
+        match self.closed_box(scheme, b) {
+            Some(map) => map.root(),
+            None => larger_root(self.recursion(scheme, b)),
+        }
+    }
+
+    /// The closed box with a scheme that splits: of v, u, f and j.
+    fn closed_box(&self, scheme: SchemeName, b: f64) -> Option<Map> {
+        let splitting = Splitting::of(scheme, b)?;
+        let (eps, phi) = (self.voidage(), self.solid);
+        Some(Map::new([1.0, -phi / eps, -phi / eps, 0.0], |[v, u, f, j]| {
+            let [before, after] = splitting.motions();
+            let met = before.end(v, f);
+            let expected = met - RETURNED * j;
+            let now = -phi / eps * met;
+            let pushed = (now - u) / self.density / b + phi / eps * (now - expected);
+            let forcing = pushed + now;
+            let lost = forcing - expected;
+            let got = before.got(v, f) + after.got(met, forcing);
+            [after.end(met, forcing), now, forcing, j + got - lost]
+        }))
     }
 
     fn slip_factor(&self, scheme: SchemeName, b: f64) -> f64 {
@@ -156,7 +188,11 @@ impl Mixture {
     }
 
     fn slip_theory(&self, scheme: SchemeName, b: f64) -> Option<bool> {
-        known(self.slip_factor(scheme, b), scheme, b, self.root(scheme, b) <= 1.0)
+        let factor = match Splitting::of(scheme, b) {
+            Some(splitting) => splitting.slip(b * self.ratio()).root(),
+            None => self.slip_factor(scheme, b),
+        };
+        known(factor, scheme, b, self.root(scheme, b) <= 1.0)
     }
 
     /// u' = p u + q u_old of the shear of the fluid between held grains: (p, q).
@@ -175,7 +211,21 @@ impl Mixture {
     }
 
     fn held_root(&self, scheme: SchemeName, b: f64) -> f64 {
-        larger_root(self.held_recursion(scheme, b))
+        match self.held(scheme, b) {
+            Some(map) => map.root(),
+            None => larger_root(self.held_recursion(scheme, b)),
+        }
+    }
+
+    /// The same with a scheme that splits: of u and j. The grains get f, since they keep their place.
+    fn held(&self, scheme: SchemeName, b: f64) -> Option<Map> {
+        let splitting = Splitting::of(scheme, b)?;
+        let a = b * self.ratio();
+        Some(Map::new([1.0, 0.0], |[u, j]| {
+            let now = (u - a * RETURNED * j) / (1.0 + a);
+            let [before, _] = splitting.motions();
+            [now, (1.0 - RETURNED) * j + before.time * (u - now)]
+        }))
     }
 
     /// Step, s, for which the grains' relaxation times B go by; and the fluid.
@@ -207,6 +257,102 @@ impl Mixture {
     }
 }
 
+/// A motion of a grain in a step of a scheme that splits: for a share of the step, in some steps of its own.
+#[derive(Clone, Copy)]
+struct Motion {
+    /// Share of the step.
+    time: f64,
+    /// What is left of the velocity that the grain had.
+    left: f64,
+    /// Mean of what is left, over the motion.
+    mean: f64,
+}
+
+impl Motion {
+    /// A motion of relaxation times `b` in `steps` steps.
+    fn new(time: f64, b: f64, steps: usize, implicit: bool) -> Self {
+        let each = b / steps as f64;
+        let left = if implicit { 1.0 / (1.0 + each) } else { 1.0 - each };
+        let left = left.powi(steps as i32);
+        Self { time, left, mean: (1.0 - left) / b }
+    }
+
+    /// The velocity at its end, under a forcing.
+    fn end(&self, v: f64, forcing: f64) -> f64 {
+        forcing + (v - forcing) * self.left
+    }
+
+    /// What the grain gets in it, in units of gamma dt.
+    fn got(&self, v: f64, forcing: f64) -> f64 {
+        -self.time * (v - forcing) * self.mean
+    }
+}
+
+/// The motions of the grains before and after the fluid is solved.
+#[derive(Clone, Copy)]
+struct Splitting([Motion; 2]);
+
+impl Splitting {
+    /// That of a scheme in a step of `b` relaxation times; none if it does not split.
+    fn of(scheme: SchemeName, b: f64) -> Option<Self> {
+        let steps = SubCycling::default().steps;
+        let nothing = Motion { time: 0.0, left: 1.0, mean: 1.0 };
+        let half = Motion::new(0.5, 0.5 * b, 1, true);
+        match scheme {
+            SchemeName::SubCycled => Some(Self([nothing, Motion::new(1.0, b, steps, true)])),
+            SchemeName::SubCycledExplicit => Some(Self([nothing, Motion::new(1.0, b, steps, false)])),
+            SchemeName::Strang => Some(Self([half, half])),
+            _ => None,
+        }
+    }
+
+    fn motions(&self) -> [Motion; 2] {
+        self.0
+    }
+
+    /// Slip without constraint: of v - u, with u as the origin, and j. `a` is A, or that of the temperatures.
+    fn slip(&self, a: f64) -> Map {
+        Map::new([1.0, 0.0], |[slip, j]| {
+            let [before, after] = self.motions();
+            let met = before.end(slip, 0.0);
+            let expected = met - RETURNED * j;
+            let now = a * expected / (1.0 + a);
+            let got = before.got(slip, 0.0) + after.got(met, now);
+            [after.end(met, now) - now, j + got - (now - expected)]
+        })
+    }
+}
+
+/// A linear map of the states of a mode, of which the first is seen.
+struct Map {
+    matrix: DMatrix<f64>,
+    start: Vec<f64>,
+}
+
+impl Map {
+    fn new<const N: usize>(start: [f64; N], step: impl Fn([f64; N]) -> [f64; N]) -> Self {
+        let column = |k: usize| step(std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 }));
+        let columns: Vec<[f64; N]> = (0..N).map(column).collect();
+        Self { matrix: DMatrix::from_fn(N, N, |i, k| columns[k][i]), start: start.to_vec() }
+    }
+
+    /// The largest eigenvalue, in magnitude.
+    fn root(&self) -> f64 {
+        largest(self.matrix.complex_eigenvalues().iter().map(|value| value.norm()))
+    }
+
+    /// What is seen after each step, from the start on.
+    fn course(&self) -> Vec<f64> {
+        let mut state = nalgebra::DVector::from_column_slice(&self.start);
+        let mut seen = vec![state[0]];
+        for _ in 0..STEPS {
+            state = &self.matrix * state;
+            seen.push(state[0]);
+        }
+        seen
+    }
+}
+
 /// The larger root of z^2 = p z + q, in magnitude.
 fn larger_root((p, q): (f64, f64)) -> f64 {
     let square = 0.25 * p * p + q;
@@ -219,9 +365,15 @@ fn larger_root((p, q): (f64, f64)) -> f64 {
 /// What a factor says of a point: unstable above one. Below one the mode is stable, but with the explicit scheme
 /// rounding may grow in others: in grains whose mean the fluid does not see (by 1 - B), in the constraint (`quiet`).
 fn known(factor: f64, scheme: SchemeName, b: f64, quiet: bool) -> Option<bool> {
-    let noisy = matches!(scheme, SchemeName::Explicit | SchemeName::Lagged) && !quiet;
-    match factor.abs() <= 1.0 {
-        true if noisy || (scheme == SchemeName::Explicit && b > 2.0) => None,
+    let steps = match scheme {
+        SchemeName::Explicit => 1.0,
+        SchemeName::SubCycledExplicit => SubCycling::default().steps as f64,
+        _ => f64::INFINITY,
+    };
+    let late =
+        matches!(scheme, SchemeName::Explicit | SchemeName::Lagged) || Splitting::of(scheme, b).is_some();
+    match factor.abs() <= 1.0 + 1e-9 {
+        true if (late && !quiet) || b > 2.0 * steps => None,
         stable => Some(stable),
     }
 }
@@ -294,12 +446,14 @@ fn half_wave(mixture: Mixture, b: f64, scheme: SchemeName, count: usize) -> Resu
     if let Some(interaction) = system.interaction_mut() {
         interaction.at.velocity = weight.iter().map(|shape| Vec2::new(back * shape, 0.0)).collect();
     }
+    system.set_scheme(scheme.build(&models::exact_options(scheme))?);
     let mode = |system: &Coupled<2>| {
         let velocity = system.grains().into_iter().flat_map(|grains| &grains.particles.velocity);
         velocity.zip(&weight).map(|(v, s)| v.x * s).sum::<f64>()
     };
     let (dt, (p, q)) = (mixture.step(&set, b), mixture.recursion(scheme, b));
     let first = mode(&system);
+    let foreseen = mixture.closed_box(scheme, b).map(|map| map.course());
     let mut course = Course { sizes: vec![1.0], missed: vec![], tally: Tally::default() };
     let mut old: f64 = 1.0;
     for step in 0..STEPS {
@@ -307,7 +461,8 @@ fn half_wave(mixture: Mixture, b: f64, scheme: SchemeName, count: usize) -> Resu
         course.tally.add(&report);
         let (now, last) = (mode(&system) / first, course.sizes[step]);
         let size = now.abs().max(last.abs()).max(old.abs());
-        course.missed.push((now - p * last - q * old) / size);
+        let expected = foreseen.as_ref().map_or(p * last + q * old, |course| course[step + 1]);
+        course.missed.push((now - expected) / size);
         course.sizes.push(now);
         old = last;
         if ended(now) {
@@ -360,10 +515,16 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
     if let Some(interaction) = system.interaction_mut() {
         interaction.at.velocity.fill(at);
     }
+    system.set_scheme(scheme.build(&models::exact_options(scheme))?);
     let (p, q) = match held {
         true => mixture.held_recursion(scheme, b),
         false => (mixture.slip_factor(scheme, b), 0.0),
     };
+    let map = match held {
+        true => mixture.held(scheme, b),
+        false => Splitting::of(scheme, b).map(|splitting| splitting.slip(b * mixture.ratio())),
+    };
+    let foreseen = map.as_ref().map(Map::course);
     let mut last = models::slip(&system, held);
     // A recursion of two steps is compared from the second step on.
     let (first, mut worst, mut tally, mut old) = (last, 0.0f64, Tally::default(), None);
@@ -373,7 +534,11 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
         let now = models::slip(&system, held);
         if let Some(old) = old.or((q == 0.0).then_some(0.0)) {
             let size = now.abs().max(last.abs()).max(f64::abs(old));
-            worst = worse(worst, (now - p * last - q * old).abs() / size);
+            let expected = match &foreseen {
+                Some(course) => first * course[tally.steps],
+                None => p * last + q * old,
+            };
+            worst = worse(worst, (now - expected).abs() / size);
         }
         old = Some(last);
         last = now;
@@ -382,7 +547,7 @@ fn slip(mixture: Mixture, b: f64, scheme: SchemeName, held: bool) -> Result<Samp
         }
     }
     let growth = (last / first).abs().powf(1.0 / tally.steps as f64);
-    Ok(judge(worst, growth, larger_root((p, q)), tally))
+    Ok(judge(worst, growth, map.map_or_else(|| larger_root((p, q)), |map| map.root()), tally))
 }
 
 fn heat_factor(ratio: f64, scheme: SchemeName, b: f64) -> f64 {
@@ -419,19 +584,23 @@ fn heat(ratio: f64, b: f64, scheme: SchemeName) -> Result<Sample> {
     if let Some(interaction) = system.interaction_mut() {
         interaction.at.temperature.fill(20.0);
     }
+    system.set_scheme(scheme.build(&models::exact_options(scheme))?);
     let factor = heat_factor(ratio, scheme, b);
+    let map = Splitting::of(scheme, b).map(|splitting| splitting.slip(b * ratio));
+    let foreseen = map.as_ref().map(Map::course);
     let (mut last, mut worst, mut tally) = (-50.0, 0.0f64, Tally::default());
     while tally.steps < STEPS {
         tally.add(&system.step(dt)?);
         let now = temperature_difference(&mut system)?;
-        worst = worse(worst, (now - factor * last).abs() / f64::max(now.abs(), f64::abs(last)));
+        let expected = foreseen.as_ref().map_or(factor * last, |course| -50.0 * course[tally.steps]);
+        worst = worse(worst, (now - expected).abs() / f64::max(now.abs(), f64::abs(last)));
         last = now;
         if ended(now / 50.0) {
             break;
         }
     }
     let growth = (last / 50.0).abs().powf(1.0 / tally.steps as f64);
-    Ok(judge(worst, growth, factor.abs(), tally))
+    Ok(judge(worst, growth, map.map_or(factor.abs(), |map| map.root()), tally))
 }
 
 /// Of fluid and grains, K.

@@ -127,10 +127,9 @@ impl Record {
     pub fn arrange(&mut self, axes: &[Axis]) -> Result<()> {
         let rank = |name: &str| axes.iter().position(|axis| axis.name == name);
         // The parameters are not negative: their bits are in the order of their values.
-        self.rows.sort_by_key(|row| (rank(&row.axis), row.x.to_bits(), row.y.to_bits(), row.scheme as usize));
+        self.rows.sort_by_key(|row| (rank(&row.axis), row.x.to_bits(), row.y.to_bits(), row.scheme));
         self.points.replace(&self.rows)?;
-        self.places
-            .sort_by_key(|row| (rank(&row.axis), row.x.to_bits(), row.y.to_bits(), row.scheme as usize));
+        self.places.sort_by_key(|row| (rank(&row.axis), row.x.to_bits(), row.y.to_bits(), row.scheme));
         self.curves.replace(&self.places)
     }
 

@@ -277,6 +277,12 @@ impl Study {
         self.origin.error(path, message, help).into()
     }
 
+    /// The folder of the study, where paths start.
+    pub fn folder(&self) -> PathBuf {
+        let folder = self.origin.folder();
+        std::env::current_dir().map_or_else(|_| folder.to_path_buf(), |here| here.join(folder))
+    }
+
     /// The scene file as this process finds it, or the name of a shipped case as it is.
     pub fn scene(&self) -> Option<PathBuf> {
         let Case::Scene(scene) = &self.case else { return None };

@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use toml::{Table, Value};
 use voidage_campaign::shipped;
+use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::own::Own;
 use voidage_coupling::{Error, Result};
 use voidage_scene::{Location, Scene};
 
@@ -205,6 +207,12 @@ fn settings(study: &Study, tables: &[&Table], varied: Settings, changes: Changes
     if changes.quick {
         all.extend(leaves(&study.quick.set));
     }
+    // A scheme of one's own is beside the study.
+    for value in all.values_mut() {
+        if let Some(own) = value.as_str().and_then(Own::named) {
+            *value = Value::String(own.within(&study.folder()).name().to_owned());
+        }
+    }
     all
 }
 
@@ -243,6 +251,9 @@ fn run(study: &Study, choice: Choice) -> Result<Run> {
             let scene = read_scene(&name, settings).map_err(|error| blame(study, &choice, error))?;
             check_times(study, &scene)?;
             identify(&scene.identity_toml()?);
+            if let Some(SchemeName::Own(own)) = scene.coupling.as_ref().map(|coupling| coupling.scheme) {
+                identify(&std::fs::read_to_string(own.place().0).unwrap_or_default());
+            }
             (cost::of_scene(&scene), Case::Scene(name))
         }
     };

@@ -9,7 +9,7 @@ use std::fmt;
 use std::path::Path;
 use std::time::Instant;
 use voidage_campaign::clock::{Cost, Spent, median, timed};
-use voidage_coupling::scheme::SchemeName;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::{Error, Notice, Result};
 use voidage_dem::{Acceleration, Load, Settings as Contacts};
 use voidage_remote::launch::{fenicsx_interpreter, interpreter, python, run_module};
@@ -247,7 +247,7 @@ impl Problem for Slip {
 impl Slip {
     fn once(&self) -> Result<Solved> {
         let begun = Instant::now();
-        let mut slip_box = SlipBox::new(self.scheme)?;
+        let mut slip_box = SlipBox::new(self.scheme, &Options::default())?;
         let steps = (self.end / self.dt).round().max(1.0) as u64;
         let dt = self.dt / (slip_box.fluid_rate + slip_box.grain_rate);
         let before = slip_box.slip();

@@ -11,6 +11,7 @@ use voidage_campaign::plot::panels::{Curve, Panel};
 use voidage_coupling::{Error, Result};
 use voidage_scene::recorder::{Checkpoint, Kept, Stamp};
 use voidage_scene::{Scene, Simulation, Watch};
+use voidage_verification::models::scheme_setting;
 use voidage_verification::{Case, Finding, Outcome};
 
 const SOURCE: &str = "Rondon, Pouliquen and Aussillous 2011 (Physics of Fluids 23, 073301), as tabulated with SedFoam \
@@ -204,6 +205,7 @@ fn run(column: &Column, effort: Effort) -> Result<Outcome> {
     let (profiles, end) = if quick { (&[][..], 0.05) } else { (column.profiles, column.end) };
     let (file, height) = column.pack(&packing, folder.path())?;
     collapse.push(format!("grains[0].placement.state.file={:?}", file.display().to_string()));
+    collapse.extend(scheme_setting());
     let scene = Scene::parse(Path::new("cases/validation/collapse.toml"), COLLAPSE, &collapse)?;
     let mut simulation = Simulation::new(&scene)?;
     let lines = Lines::new(&mut simulation, 0)?;

@@ -9,6 +9,7 @@ use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
 use voidage_coupling::Result;
 use voidage_scene::{Scene, Simulation};
+use voidage_verification::models::scheme_setting;
 use voidage_verification::{Case, Finding, Outcome, line};
 
 /// The case.
@@ -49,7 +50,8 @@ fn run(effort: Effort) -> Result<Outcome> {
         "fluid.mesh.rectangle.upper=[3.0732e-3,0.016]",
         "fluid.mesh.rectangle.structured.squares=[3,16]",
     ];
-    let changes = if quick { low.map(String::from).to_vec() } else { vec![] };
+    let mut changes = if quick { low.map(String::from).to_vec() } else { vec![] };
+    changes.extend(scheme_setting());
     let scene = Scene::parse(Path::new("cases/validation/sedimentation.toml"), SCENE, &changes)?;
     let mut simulation = Simulation::new(&scene)?;
     let lines = Lines::new(&mut simulation, 1)?;

@@ -25,6 +25,7 @@ use voidage_campaign::points::{self, Concurrency, Points, Scale};
 use voidage_campaign::process::start_threads;
 use voidage_campaign::progress::duration;
 use voidage_campaign::{Effort, Suite};
+use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_scene::recorder::create_folder;
 
@@ -37,6 +38,9 @@ pub struct Options {
     /// Only the case or group of this name (may be repeated).
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
+    /// Coupling scheme, instead of those of the problems: one that is shipped, or python:FILE[:CLASS]. Their bounds stay.
+    #[arg(long, value_parser = voidage_campaign::scheme)]
+    scheme: Option<SchemeName>,
 }
 
 /// All cases, in the order in which they run.
@@ -62,6 +66,10 @@ pub fn solve_all(collection: &str, all: &[Case], options: &Options) -> Result<u8
     if suite.list {
         list(&chosen);
         return Ok(0);
+    }
+    if let Some(scheme) = options.scheme {
+        scheme.require()?;
+        models::take_scheme(scheme);
     }
     start_threads(suite.threads)?;
     let folder = suite.folder(&format!("out/{collection}"));

@@ -1,11 +1,12 @@
 //! Small systems whose exact behaviour is known: what verification, the map of stability and the tests are made of.
 
 use nalgebra::SVector;
+use std::sync::OnceLock;
 use voidage_coupling::backend::{FluidStep, Model, RustFluid};
 use voidage_coupling::closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::exchange::AtGrains;
-use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::unsteady::Unsteady;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Mixture, Result, System};
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
@@ -168,7 +169,8 @@ impl FluidSet {
         };
         let interaction = Interaction::new(laws, &fluid.mesh, &grains, at)?;
         let system = System::Mixture(Box::new(Mixture::new(grains, fluid, interaction)));
-        Ok(Coupled::new(system, scheme.build(&Iteration::default(), None)))
+        let scheme = INSTEAD.get().copied().unwrap_or(scheme);
+        Ok(Coupled::new(system, scheme.build(&Options::default())?))
     }
 
     /// Dallavalle's drag and the laws of Ranz and Marshall without correction for neighbours.
@@ -319,7 +321,7 @@ pub fn weightless() -> Settings<2> {
 }
 
 /// Speeds so small that drag is linear and convection is below round-off.
-const CREEP: f64 = 1e-18;
+pub const CREEP: f64 = 1e-18;
 
 /// A homogeneous mixture without an end whose grains move as one, the fluid at rest: no strain and no divergence, so that
 /// nothing but drag acts. The slip decays at the sum of the rates.
@@ -334,7 +336,7 @@ pub struct SlipBox {
 
 impl SlipBox {
     /// The box with a coupling scheme.
-    pub fn new(scheme: SchemeName) -> Result<Self> {
+    pub fn new(scheme: SchemeName, options: &Options) -> Result<Self> {
         let (rho_f, eta, rho_s, radius, phi) = (3.0, 1e-2, 7.0, 0.01, 0.4);
         let mut set = FluidSet::new(rho_f, eta);
         set.conditions.clear();
@@ -351,13 +353,39 @@ impl SlipBox {
         let laws = set.laws(None);
         let beta = phi * laws.drag.coefficient(&around, VoidageFunction::None);
         let (fluid_rate, grain_rate) = (beta / ((1.0 - phi) * rho_f), beta / (phi * rho_s));
-        let system = set.with_grains(set.build(mesh, start)?, grains, laws, scheme)?;
+        let mut system = set.with_grains(set.build(mesh, start)?, grains, laws, scheme)?;
+        system.set_scheme(scheme.build(options)?);
         Ok(Self { system, fluid_rate, grain_rate })
     }
 
     /// Velocity of a node of the fluid less that of a grain, m/s.
     pub fn slip(&self) -> f64 {
         slip(&self.system, false)
+    }
+}
+
+/// The scheme that a command of this process puts in the place of those of all problems.
+static INSTEAD: OnceLock<SchemeName> = OnceLock::new();
+
+/// From now on all problems with grains in a fluid take this scheme; the first word counts.
+pub fn take_scheme(scheme: SchemeName) {
+    INSTEAD.get_or_init(|| scheme);
+}
+
+/// The same as a change of a scene, `KEY=VALUE`; none where problems keep their schemes.
+pub fn scheme_setting() -> Option<String> {
+    INSTEAD.get().map(|scheme| format!("coupling.scheme={:?}", scheme.name()))
+}
+
+/// Options with which a scheme follows its closed form to rounding: what iterates without the slopes of free grains
+/// does so until grains and fluid agree.
+pub fn exact_options(scheme: SchemeName) -> Options {
+    match scheme {
+        SchemeName::GaussSeidel => Options {
+            iteration: Iteration { tolerance: 1e-9, heat_tolerance: 1e-9, most: 200, ..Iteration::default() },
+            ..Options::default()
+        },
+        _ => Options::default(),
     }
 }
 

@@ -11,6 +11,20 @@ pub fn exception(error: &Error) -> PyErr {
     if error.is_input() { PyValueError::new_err(text) } else { PyRuntimeError::new_err(text) }
 }
 
+/// An exception in words, with the place in a file of Python where it was raised.
+pub fn told(py: Python<'_>, exception: &PyErr) -> String {
+    let place = || -> Option<String> {
+        let mut frame = exception.traceback(py)?.into_any();
+        while let Some(next) = frame.getattr("tb_next").ok().filter(|next| !next.is_none()) {
+            frame = next;
+        }
+        let line = frame.getattr("tb_lineno").ok()?;
+        let file = frame.getattr("tb_frame").ok()?.getattr("f_code").ok()?.getattr("co_filename").ok()?;
+        Some(format!("{file}, line {line}: "))
+    };
+    format!("{}{exception}", place().unwrap_or_default())
+}
+
 /// The exception that a solver or scheme in Python raised last, while its text is on the way as an error of Rust.
 #[derive(Clone, Default)]
 pub struct Raised(Arc<Mutex<Option<PyErr>>>);
@@ -18,7 +32,7 @@ pub struct Raised(Arc<Mutex<Option<PyErr>>>);
 impl Raised {
     /// Keeps an exception; the error of Rust has its text.
     pub fn keep(&self, py: Python<'_>, exception: PyErr) -> Error {
-        let error = Error::run(exception.to_string());
+        let error = Error::run(told(py, &exception));
         *self.slot() = Some(exception.clone_ref(py));
         error
     }

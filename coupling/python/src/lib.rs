@@ -34,6 +34,12 @@ mod _voidage {
     #[pymodule_export]
     use crate::{environment, main};
 
+    #[pymodule_init]
+    fn init(_: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        voidage_coupling::scheme::own::Maker(crate::scheme::make).is_here();
+        Ok(())
+    }
+
     #[pymodule_export]
     #[allow(non_upper_case_globals, reason = "the name that Python gives the version of a package")]
     const __version__: &str = env!("CARGO_PKG_VERSION");

@@ -19,6 +19,9 @@ pub fn dictionary<'py>(py: Python<'py>, report: &StepReport) -> PyResult<Bound<'
     if let Some(fluid) = &report.fluid {
         all.set_item("fluid", self::fluid(py, fluid)?)?;
     }
+    if let Some(agreement) = &report.agreement {
+        all.set_item("agreement", self::agreement(py, agreement)?)?;
+    }
     let defects = [
         ("momentum_exchange_defect", report.momentum_exchange_defect),
         ("energy_exchange_defect", report.energy_exchange_defect),
@@ -42,6 +45,18 @@ fn grains<'py>(py: Python<'py>, report: &voidage_dem::StepReport) -> PyResult<Bo
     grains.set_item("converged", report.converged)?;
     grains.set_item("max_penetration_over_radius", report.max_penetration_over_radius)?;
     Ok(grains)
+}
+
+fn agreement<'py>(py: Python<'py>, report: &voidage_coupling::Agreement) -> PyResult<Bound<'py, PyDict>> {
+    let agreement = PyDict::new(py);
+    agreement.set_item("solutions", report.solves)?;
+    agreement.set_item("parts", report.parts)?;
+    agreement.set_item("converged", report.converged)?;
+    agreement.set_item("disagreement", report.disagreement)?;
+    agreement.set_item("heat_disagreement", report.heat_disagreement)?;
+    agreement.set_item("carried", report.carried)?;
+    agreement.set_item("worst", report.worst.iter().flatten().copied().collect::<Vec<_>>())?;
+    Ok(agreement)
 }
 
 fn fluid<'py>(py: Python<'py>, report: &voidage_fluid::flow::Report) -> PyResult<Bound<'py, PyDict>> {

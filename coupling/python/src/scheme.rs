@@ -5,51 +5,188 @@ use crate::columns::{Columns, Group, Owner};
 use crate::errors::Raised;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError, TryLockError};
 use voidage_coupling::load::Law;
-use voidage_coupling::scheme::Scheme;
-use voidage_coupling::scheme::anchored::Forcing;
-use voidage_coupling::{Error, Mixture, Notice, Result, StepReport};
+use voidage_coupling::motions::{Lost, Motions};
+use voidage_coupling::parts::Part;
+use voidage_coupling::scheme::anchored::{Forcing, RETURNED};
+use voidage_coupling::scheme::cut::{Cut, Cutting, Trial};
+use voidage_coupling::scheme::own::Own;
+use voidage_coupling::scheme::{Options, Scheme, agreement};
+use voidage_coupling::{Agreement, Error, Mixture, Notice, Result, StepReport};
+use voidage_dem::Means;
 
-/// A scheme that calls an object with a method `step(system, dt)`.
+/// How far, as a share, times of a step may differ that are sums of those of its parts.
+const SAME: f64 = 1e-9;
+
+/// A scheme that calls an object: with a method `step(system, dt)`, which does a whole step, or a method
+/// `solve(system, dt)`, which does all of it but to accept, so that steps can be done in parts.
 pub struct PythonScheme {
     object: Py<PyAny>,
     raised: Raised,
+    /// What was not accepted yet of an answer of `solve`.
+    lost: Lost<2>,
+    carries: bool,
 }
 
 impl PythonScheme {
-    /// The scheme of an object; what it raises is kept in `raised`.
-    pub fn new(object: &Bound<'_, PyAny>, raised: Raised) -> PyResult<Self> {
-        if !object.getattr("step").is_ok_and(|step| step.is_callable()) {
-            let name = object.get_type().name()?;
-            return Err(PyTypeError::new_err(format!(
-                "`scheme` is a {name}, it must be a name or an object with a method `step(system, dt)`"
-            )));
+    /// The scheme of an object, with steps in parts by `cut`; what it raises is kept in `raised`.
+    pub fn scheme(
+        object: &Bound<'_, PyAny>,
+        cut: Option<Cutting>,
+        raised: Raised,
+    ) -> PyResult<Box<dyn Scheme<2>>> {
+        let has = |method| object.getattr(method).is_ok_and(|method| method.is_callable());
+        let scheme = Self { object: object.clone().unbind(), raised, lost: Lost::default(), carries: false };
+        match (has("solve"), has("step"), cut) {
+            (true, _, cut) => Ok(Box::new(Cut::new(scheme, cut))),
+            (false, true, None) => Ok(Box::new(scheme)),
+            (false, true, Some(_)) => {
+                let what =
+                    "`coupling.cut` divides steps, and the scheme makes whole ones by `step(system, dt)`";
+                let help = "give it `solve(system, dt)` instead, which does all of a step but `accept`, or leave \
+                            `coupling.cut` out";
+                Err(PyValueError::new_err(Notice::new(what, help).to_string()))
+            }
+            (false, false, _) => {
+                let name = object.get_type().name()?;
+                Err(PyTypeError::new_err(format!(
+                    "`scheme` is a {name}, it must be a name or an object with a method `step(system, dt)` or \
+                     `solve(system, dt)`"
+                )))
+            }
         }
-        Ok(Self { object: object.clone().unbind(), raised })
     }
+
+    /// Lends the mixture to a method of the object, for a part of a step; what it left.
+    fn call(&self, mixture: &mut Mixture<2>, method: &str, part: Part, report: StepReport) -> Result<Held> {
+        Python::attach(|py| {
+            let system = System { held: Mutex::new(None), raised: self.raised.clone() };
+            let system = Bound::new(py, system).map_err(|raised| self.raised.keep(py, raised))?;
+            // Python may keep the system: it is lent what it works on, and gives it back.
+            system.get().lend(Held::new(std::mem::take(mixture), part, (method == "step", report)));
+            let outcome = self.object.bind(py).call_method1(method, (&system, part.dt));
+            let mut held = system.get().give_back();
+            std::mem::swap(mixture, &mut held.mixture);
+            outcome.map_err(|raised| self.raised.keep(py, raised))?;
+            Ok(held)
+        })
+    }
+}
+
+/// The error of a scheme that leaves a step otherwise than it must.
+fn unfinished<T>(what: String, help: &str) -> Result<T> {
+    Err(Error::run(Notice::new(what, help)))
+}
+
+/// Checks that grains and fluid went as far as the step.
+fn check_times(held: &Held, mixture: &Mixture<2>, fluid: f64) -> Result<()> {
+    let whole = held.part.dt;
+    if (fluid - whole).abs() > SAME * whole {
+        let what = format!("the scheme accepted {fluid:e} s of the fluid in a step of {whole:e} s");
+        return unfinished(
+            what,
+            "the lengths of the solutions that are accepted are those of a step together",
+        );
+    }
+    let moved = mixture.grains.time() - held.start;
+    if (moved - whole).abs() > SAME * whole + 4.0 * f64::EPSILON * held.start.abs() {
+        let what = format!("the scheme moved the grains by {moved:e} s in a step of {whole:e} s");
+        return unfinished(
+            what,
+            "the lengths of the motions that are not taken back are those of a step together",
+        );
+    }
+    Ok(())
+}
+
+/// Whether a grain would have gone too far, so that none has moved.
+fn runs_away(report: &StepReport) -> bool {
+    report.grains.is_some_and(|grains| grains.runaway.is_some())
 }
 
 impl Scheme<2> for PythonScheme {
     fn step(&mut self, mixture: &mut Mixture<2>, dt: f64) -> Result<StepReport> {
+        let mut held = self.call(mixture, "step", Part::whole(dt), StepReport::default())?;
+        if runs_away(&held.report) {
+            return Ok(held.report);
+        }
+        if held.accepted == 0 {
+            return unfinished(
+                "the scheme accepted 0 solutions in a step".into(),
+                "end `step` with `system.accept()`",
+            );
+        }
+        check_times(&held, mixture, held.done)?;
+        mixture.end_step(&mut held.report);
+        held.report.agreement = held.sum;
+        Ok(held.report)
+    }
+}
+
+impl Trial<2> for PythonScheme {
+    fn solve(&mut self, mixture: &mut Mixture<2>, part: Part, report: &mut StepReport) -> Result<Agreement> {
+        let held = self.call(mixture, "solve", part, *report)?;
+        *report = held.report;
+        if runs_away(report) {
+            return Ok(Agreement { solves: held.solves, ..Agreement::default() });
+        }
+        if held.solves == 0 {
+            return unfinished("the scheme did not solve the fluid".into(), "call `system.solve_fluid()`");
+        }
+        check_times(&held, mixture, held.solved)?;
+        let agreement = held.agreement(mixture);
+        (self.lost, self.carries) = (held.lost, held.carries);
+        Ok(agreement)
+    }
+
+    fn repeats(&self) -> bool {
+        // Whether its answers can be told to agree by the object alone: an attribute of its class.
         Python::attach(|py| {
-            let steps = mixture.fluid.clock.steps;
-            let system = System { held: Mutex::new(None), raised: self.raised.clone() };
-            let system = Bound::new(py, system).map_err(|raised| self.raised.keep(py, raised))?;
-            // Python may keep the system: it is lent what it works on, and gives it back.
-            system.get().lend(Held { mixture: std::mem::take(mixture), report: StepReport::default(), dt });
-            let outcome = self.object.bind(py).call_method1("step", (&system, dt));
-            let report = system.get().give_back(mixture);
-            outcome.map_err(|raised| self.raised.keep(py, raised))?;
-            match mixture.fluid.clock.steps - steps {
-                1 => Ok(report),
-                accepted => Err(Error::run(Notice::new(
-                    format!("the scheme accepted {accepted} solutions in a step"),
-                    "end `step` with one `system.accept()`",
-                ))),
-            }
+            self.object.bind(py).getattr("repeats").is_ok_and(|repeats| repeats.is_truthy().unwrap_or(false))
         })
     }
+
+    fn settle(
+        &mut self,
+        mixture: &mut Mixture<2>,
+        Part { dt, whole }: Part,
+        agreement: Agreement,
+    ) -> Agreement {
+        match self.carries {
+            true => Agreement { carried: mixture.carry(&self.lost, dt, whole), ..agreement },
+            false => agreement,
+        }
+    }
+}
+
+/// The scheme of a file, `python:FILE[:CLASS]`.
+pub fn make(own: Own, options: &Options) -> Result<Box<dyn Scheme<2>>> {
+    Python::attach(|py| {
+        let raised = Raised::default();
+        let object = load(py, own, &options.own)
+            .and_then(|object| PythonScheme::scheme(&object, options.cut, raised.clone()));
+        object.map_err(|error| {
+            let told = crate::errors::told(py, &error);
+            Error::input(Notice::from(told).within(format!("the scheme {}", own.name())))
+        })
+    })
+}
+
+/// An object of the class of a file: the one that is named, or the only one with a method of a scheme.
+fn load<'py>(
+    py: Python<'py>,
+    own: Own,
+    options: &BTreeMap<String, serde_json::Value>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (file, class) = own.place();
+    let module = py.import("voidage.files")?.call_method1("load", (file,))?;
+    let class = py.import("voidage.files")?.call_method1("scheme_class", (&module, file, class))?;
+    let text = serde_json::to_string(options).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let keywords = py.import("json")?.call_method1("loads", (text,))?.cast_into::<PyDict>()?;
+    class.call((), Some(&keywords))
 }
 
 /// What a scheme works on, during its step.
@@ -57,10 +194,97 @@ pub struct Held {
     /// Grains and fluid.
     pub mixture: Mixture<2>,
     report: StepReport,
+    /// The part of a step that it does.
+    part: Part,
+    /// Length of the part of it that is in hand.
     dt: f64,
+    /// Time of the grains at its start, s.
+    start: f64,
+    /// Length of the last solution, and what the fluid lost in it.
+    solved: f64,
+    lost: Lost<2>,
+    /// Solutions, and those since the last that was accepted.
+    solves: usize,
+    /// Whether the grains moved by the force of the law in the last motion.
+    by_law: bool,
+    /// Whether what the fluid did not lose is carried.
+    carries: bool,
+    /// Whether the scheme may accept, how many it has accepted, and the sum of their lengths.
+    accepts: bool,
+    accepted: usize,
+    done: f64,
+    sum: Option<Agreement>,
 }
 
-/// Grains and fluid as a scheme sees them, during one call of its `step`: the phases of a step, and the columns that
+impl Held {
+    fn new(mixture: Mixture<2>, part: Part, (accepts, report): (bool, StepReport)) -> Self {
+        let start = mixture.grains.time();
+        Self {
+            mixture,
+            report,
+            part,
+            dt: part.dt,
+            start,
+            solved: 0.0,
+            lost: Lost::default(),
+            solves: 0,
+            by_law: true,
+            carries: false,
+            accepts,
+            accepted: 0,
+            done: 0.0,
+            sum: None,
+        }
+    }
+
+    /// How far the grains are from what the fluid expected of them in its last solution.
+    fn agreement(&self, mixture: &Mixture<2>) -> Agreement {
+        let agreement = match (mixture.motions.time() > 0.0, self.by_law) {
+            (false, _) => Agreement { converged: true, parts: 1, ..Agreement::default() },
+            (true, true) => agreement(mixture, self.solved),
+            (true, false) => mixture.compare(&self.lost, self.solved),
+        };
+        Agreement { solves: self.solves, ..agreement }
+    }
+
+    /// A length of a solution or a motion, by default that of the part.
+    fn length(&self, dt: Option<f64>) -> Result<f64> {
+        let dt = dt.unwrap_or(self.dt);
+        match dt > 0.0 && dt <= self.part.dt * (1.0 + SAME) {
+            true => Ok(dt),
+            false => {
+                let what = format!("a length of {dt:e} s in a step of {:e} s", self.part.dt);
+                Err(Error::input(Notice::new(what, "give one above 0 and at most that of the step")))
+            }
+        }
+    }
+
+    fn accept(&mut self) -> Result<()> {
+        if !self.accepts {
+            return Err(Error::run(Notice::new(
+                "`solve(system, dt)` called `accept`",
+                "leave it out: the step is accepted after `solve`; or call the method `step`",
+            )));
+        }
+        // A solution that is missing is told by the mixture.
+        if self.solves > 0 {
+            let agreement = self.agreement(&self.mixture);
+            let carried = match self.carries {
+                true => self.mixture.carry(&self.lost, self.solved, self.part.dt),
+                false => 0.0,
+            };
+            self.sum = Some(Agreement { carried, ..agreement }.after(self.sum.as_ref(), 0));
+        }
+        let part = Part { dt: self.solved, whole: self.part.dt };
+        self.mixture.accept_part(part, &mut self.report)?;
+        self.done += self.solved;
+        self.accepted += 1;
+        (self.solves, self.by_law) = (0, true);
+        Ok(())
+    }
+}
+
+/// Grains and fluid as a scheme sees them, during one call of its method: the phases of a step, and the columns that
 /// they read and write.
 #[pyclass(frozen, module = "voidage")]
 pub struct System {
@@ -70,18 +294,22 @@ pub struct System {
 
 /// Positions, velocities, contacts and all else that makes the grains what they are at one moment.
 #[pyclass(frozen, module = "voidage")]
-pub struct GrainState(voidage_dem::State<2>);
+pub struct GrainState {
+    state: voidage_dem::State<2>,
+    motions: Motions<2>,
+    means: Means<2>,
+}
 
 impl System {
     fn lend(&self, held: Held) {
         *self.held.lock().unwrap_or_else(PoisonError::into_inner) = Some(held);
     }
 
-    fn give_back(&self, mixture: &mut Mixture<2>) -> StepReport {
+    fn give_back(&self) -> Held {
         let held = self.held.lock().unwrap_or_else(PoisonError::into_inner).take();
-        held.map_or_else(StepReport::default, |held| {
-            *mixture = held.mixture;
-            held.report
+        // It is there: nothing else takes it.
+        held.unwrap_or_else(|| {
+            Held::new(Mixture::default(), Part::whole(0.0), (false, StepReport::default()))
         })
     }
 
@@ -102,7 +330,7 @@ impl System {
             };
             match held.as_mut() {
                 Some(held) => work(held),
-                None => Err(Error::run("the system can be used inside `step` of the scheme only")),
+                None => Err(Error::run("the system can be used inside `step` or `solve` of the scheme only")),
             }
         });
         outcome.map_err(|error| self.raised.exception(py, &error))
@@ -116,36 +344,59 @@ impl System {
         self.with(py, |held| held.mixture.cut_grains(&mut held.report))
     }
 
-    /// Fills `load["drag"]`, `load["known"]` and `load["heat_coefficient"]` by the laws of the scene, and the voidage at
-    /// the grains. `known` is the part of the forcing drag u - volume grad p + known that the fluid does not change, of
-    /// added mass and lift; zero without them.
-    fn evaluate_closures(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |held| held.mixture.evaluate_closures(held.dt, &mut held.report))
-    }
-
-    /// Solves the fluid from its last accepted state: fills `at_grains`, `grains["force"]` and `grains["heat"]`.
-    fn solve_fluid(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |held| held.mixture.solve_fluid(held.dt, &mut held.report))
-    }
-
-    /// Moves the grains by a step under `grains["force"]` and `grains["heat"]`, contacts included.
-    fn move_grains(&self, py: Python<'_>) -> PyResult<()> {
+    /// Begins a part of the step, of `dt` s: the mesh goes to where it is at its end, and the phases take this length where
+    /// none is given. Without, the step is one part.
+    fn begin(&self, py: Python<'_>, dt: f64) -> PyResult<()> {
         self.with(py, |held| {
-            held.mixture.move_grains(held.dt, &mut held.report);
+            held.dt = held.length(Some(dt))?;
+            held.mixture.move_mesh(|motion, time, points| motion.advance(time, dt, points));
             Ok(())
         })
     }
 
-    /// Moves the grains by a step under `force` (g, D), N, and `heat` (g), W, from which the drag and the heat transfer
-    /// of the grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts
-    /// included. Returns the mean velocity over the step, (g, D), with added mass what drag and added mass felt of it, and the mean temperature, (g), if there is heat;
-    /// `grains["force"]` and `grains["heat"]` are then what is left of the forcing.
-    #[pyo3(signature = (force, heat=None))]
+    /// Fills `load["drag"]`, `load["known"]` and `load["heat_coefficient"]` by the laws of the scene, and the voidage at
+    /// the grains, for a solution or a motion of `dt` s. `known` is the part of the forcing drag u - volume grad p +
+    /// known that the fluid does not change, of added mass and lift; zero without them.
+    #[pyo3(signature = (dt=None))]
+    fn evaluate_closures(&self, py: Python<'_>, dt: Option<f64>) -> PyResult<()> {
+        self.with(py, |held| held.mixture.evaluate_closures(held.length(dt)?, &mut held.report))
+    }
+
+    /// Solves the fluid over `dt` s from its last accepted state: fills `at_grains`, `grains["force"]` and
+    /// `grains["heat"]`.
+    #[pyo3(signature = (dt=None))]
+    fn solve_fluid(&self, py: Python<'_>, dt: Option<f64>) -> PyResult<()> {
+        self.with(py, |held| {
+            held.solved = held.length(dt)?;
+            held.mixture.solve_fluid(held.solved, &mut held.report)?;
+            held.solves += 1;
+            held.lost.read(&held.mixture.interaction);
+            Ok(())
+        })
+    }
+
+    /// Moves the grains by `dt` s under `grains["force"]` and `grains["heat"]`, contacts included.
+    #[pyo3(signature = (dt=None))]
+    fn move_grains(&self, py: Python<'_>, dt: Option<f64>) -> PyResult<()> {
+        self.with(py, |held| {
+            held.mixture.move_grains(held.length(dt)?, &mut held.report);
+            held.by_law = true;
+            Ok(())
+        })
+    }
+
+    /// Moves the grains by `dt` s under `force` (g, D), N, and `heat` (g), W, from which the drag and the heat transfer of
+    /// the grains themselves go off, `load["drag"]` v and `load["heat_coefficient"]` T, implicitly; contacts included.
+    /// Returns the mean velocity in the motion, (g, D), with added mass what drag and added mass felt of it, and the
+    /// mean temperature, (g), if there is heat; `grains["force"]` and `grains["heat"]` are then what is left of the
+    /// forcing.
+    #[pyo3(signature = (force, heat=None, dt=None))]
     fn drive_grains<'py>(
         &self,
         py: Python<'py>,
         force: &Bound<'py, PyAny>,
         heat: Option<&Bound<'py, PyAny>>,
+        dt: Option<f64>,
     ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
         let (count, warm) = self.with(py, |held| {
             let interaction = &held.mixture.interaction;
@@ -160,23 +411,39 @@ impl System {
         };
         let forcing = Forcing { force, heat };
         let (velocity, temperature) = self.with(py, |held| {
-            held.mixture.drive_grains(held.dt, &forcing, &mut held.report)?;
-            for i in 0..forcing.force.len() {
-                let felt = held.mixture.felt()[i];
-                let interaction = &mut held.mixture.interaction;
+            let dt = held.length(dt)?;
+            held.mixture.drive_grains(dt, &forcing, &mut held.report)?;
+            held.by_law = false;
+            let Mixture { interaction, motions, .. } = &mut held.mixture;
+            for (i, felt) in motions.felt.iter().enumerate() {
                 interaction.force[i] = forcing.force[i] - felt * interaction.load.drag[i];
             }
-            let Mixture { grains, interaction, .. } = &mut held.mixture;
             if let Some(law) = &interaction.load.heat {
-                for (i, temperature) in grains.mean_temperature().iter().enumerate() {
+                for (i, temperature) in motions.warmed.iter().enumerate() {
                     interaction.heat[i] = forcing.heat[i] - temperature * law.coefficient[i];
                 }
             }
-            let temperature = warm.then(|| Column::from(grains.mean_temperature()));
-            Ok((Column::from(held.mixture.felt()), temperature))
+            let temperature = warm.then(|| Column::from(&motions.warmed[..]));
+            Ok((Column::from(&motions.felt[..]), temperature))
         })?;
         let temperature = temperature.map(|column| column.into_array(py)).transpose()?;
         Ok((velocity.into_array(py)?, temperature))
+    }
+
+    /// Lowers the laws of `load["velocity"]` and `load["temperature"]`, once they are filled, so that the fluid gets
+    /// `share` of the impulse and heat that are carried of earlier steps. From then on what grains get beyond what the
+    /// fluid loses is carried, so that momentum and heat are kept over the steps.
+    #[pyo3(signature = (share=RETURNED))]
+    fn give_back_carried(&self, py: Python<'_>, share: f64) -> PyResult<()> {
+        self.with(py, |held| {
+            if !(share > 0.0 && share <= 1.0) {
+                let what = format!("a share of {share} to give back");
+                return Err(Error::input(Notice::new(what, "give one above 0 and at most 1")));
+            }
+            held.carries = true;
+            held.mixture.give_back(share, held.part.whole);
+            Ok(())
+        })
     }
 
     /// Gives the solid flux in the equation of mass a law of its own, `load["continuity_mobility"]` and
@@ -190,26 +457,33 @@ impl System {
         })
     }
 
-    /// Accepts the last solution of the fluid and moves the clock; the end of a step.
+    /// Accepts the last solution of the fluid and moves the clock by its length: the end of a step, or of a part of it. The
+    /// lengths of all that are accepted, and of all motions of the grains, are that of the step together.
     fn accept(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |held| held.mixture.accept(held.dt, &mut held.report))
+        self.with(py, Held::accept)
     }
 
     /// The grains as they are now, to come back to.
     fn grain_state(&self, py: Python<'_>) -> PyResult<GrainState> {
-        self.with(py, |held| Ok(GrainState(held.mixture.grains.state())))
+        self.with(py, |held| {
+            let Mixture { grains, motions, .. } = &held.mixture;
+            Ok(GrainState { state: grains.state(), motions: motions.clone(), means: grains.means() })
+        })
     }
 
     /// Puts the grains back to a state taken before in this step. RuntimeError if grains have come or gone since.
     fn restore_grains(&self, py: Python<'_>, state: &GrainState) -> PyResult<()> {
         self.with(py, |held| {
-            let grains = &mut held.mixture.grains;
-            if state.0.particles.id != grains.particles.id {
+            let Mixture { grains, motions, .. } = &mut held.mixture;
+            if state.state.particles.id != grains.particles.id {
                 return Err(Error::run(
                     "the state is of other grains: take it in the step in which it is restored",
                 ));
             }
-            Ok(grains.restore(state.0.clone())?)
+            grains.restore(state.state.clone())?;
+            grains.set_means(state.means.clone());
+            motions.clone_from(&state.motions);
+            Ok(())
         })
     }
 
@@ -240,7 +514,7 @@ impl System {
         gravity.into_array(py)
     }
 
-    /// Time at the start of the step, s.
+    /// Time of the fluid, s: that at the start of the step, and of the last part that was accepted.
     #[getter]
     fn time(&self, py: Python<'_>) -> PyResult<f64> {
         self.with(py, |held| Ok(held.mixture.fluid.clock.time))

@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use voidage_coupling::scheme::{Scheme, SchemeName};
 use voidage_coupling::{Coupled, Notice, StepReport};
 use voidage_remote::launch::Host;
 use voidage_scene::recorder::{Checkpoint, Kept, Stamp};
@@ -58,10 +59,17 @@ impl Simulation {
             let solver = name.parse::<Solver>();
             set.push(solver.map_err(|error| PyValueError::new_err(format!("fluid {error}")))?.setting());
         }
-        set.extend(scheme.name.iter().map(|name| format!("coupling.scheme={name:?}")));
+        for name in &scheme.name {
+            let scheme =
+                name.parse::<SchemeName>().map_err(|error| PyValueError::new_err(error.to_string()))?;
+            let scheme = std::env::current_dir().map_or(scheme, |folder| scheme.within(&folder));
+            set.push(format!("coupling.scheme={:?}", scheme.name()));
+        }
         let mut scene = voidage_program::shipped::read(&scene, &set).map_err(|error| exception(&error))?;
         let fluid = fluid.object.map(|object| python_fluid(&mut scene, &object, &raised)).transpose()?;
-        let scheme = scheme.object.map(|object| PythonScheme::new(&object, raised.clone())).transpose()?;
+        let cut = scene.coupling.as_ref().and_then(|coupling| coupling.cut);
+        let scheme =
+            scheme.object.map(|object| PythonScheme::scheme(&object, cut, raised.clone())).transpose()?;
         let inner = py
             .detach(|| build(&scene, fluid, scheme, restart.as_deref(), log))
             .map_err(|error| raised.exception(py, &error))?;
@@ -231,7 +239,7 @@ fn python_fluid(scene: &mut Scene, object: &Bound<'_, PyAny>, raised: &Raised) -
 fn build(
     scene: &Scene,
     fluid: Option<PythonFluid>,
-    scheme: Option<PythonScheme>,
+    scheme: Option<Box<dyn Scheme<2>>>,
     restart: Option<&Path>,
     log: Option<PathBuf>,
 ) -> voidage_coupling::Result<voidage_scene::Simulation> {
@@ -247,7 +255,7 @@ fn build(
     };
     let coupled = simulation.coupled_mut();
     if let Some(scheme) = scheme {
-        coupled.set_scheme(Box::new(scheme));
+        coupled.set_scheme(scheme);
     }
     if let (Some(solver), Some(fluid)) = (fluid, coupled.fluid_mut()) {
         fluid.backend = Box::new(solver);

@@ -157,36 +157,49 @@ class GrainState:
 
 @final
 class System:
-    """Grains and fluid as a scheme sees them, during one call of its ``step``."""
+    """Grains and fluid as a scheme sees them, during one call of its ``step`` or ``solve``. A length
+    ``dt`` of a phase, s, is at most that of the step; without one it is that of the part in hand.
+    Either side may make several steps in one of the other: the motions of the grains, and the
+    solutions that are accepted, have the length of the step together."""
 
+    def begin(self, dt: float) -> None:
+        """Begins a part of the step, of ``dt``: the mesh goes to where it is at its end, and the
+        phases take this length where none is given. Without, the step is one part."""
     def cut_grains(self) -> None:
         """Cuts the grains by the mesh, and computes the nodal voidage."""
-    def evaluate_closures(self) -> None:
+    def evaluate_closures(self, dt: float | None = None) -> None:
         """Fills ``load["drag"]``, ``load["known"]`` and ``load["heat_coefficient"]`` by the laws of
-        the scene, with the fluid of ``at_grains``, and the voidage at the grains. ``known`` (g, D)
-        is the part of the forcing drag u - volume grad p + known that the fluid does not change,
-        of added mass and lift; zero without them."""
-    def solve_fluid(self) -> None:
-        """Solves the fluid from its last accepted state with the load as it is. Fills
+        the scene, with the fluid of ``at_grains`` and the present velocities of the grains, and the
+        voidage at the grains. ``known`` (g, D) is the part of the forcing drag u - volume grad p +
+        known that the fluid does not change, of added mass and lift; zero without them."""
+    def solve_fluid(self, dt: float | None = None) -> None:
+        """Solves the fluid over ``dt`` from its last accepted state with the load as it is. Fills
         ``at_grains``, ``grains["force"]`` and ``grains["heat"]``. May be called many times."""
-    def move_grains(self) -> None:
-        """Moves the grains by a step under ``grains["force"]`` and ``grains["heat"]``, contacts
-        included."""
+    def move_grains(self, dt: float | None = None) -> None:
+        """Moves the grains by ``dt`` under ``grains["force"]`` and ``grains["heat"]``, contacts
+        included. Further motions go on from there; at ``accept`` the force and heat on the grains
+        become the means over all of them."""
     def drive_grains(
-        self, force: ArrayLike, heat: ArrayLike | None = None
+        self, force: ArrayLike, heat: ArrayLike | None = None, dt: float | None = None
     ) -> tuple[_Floats, _Floats | None]:
-        """Moves the grains by a step under ``force`` (g, D), N, and ``heat`` (g), W (exactly if the
+        """Moves the grains by ``dt`` under ``force`` (g, D), N, and ``heat`` (g), W (exactly if the
         scene has heat), from which the drag and the heat transfer of the grains themselves go off,
         ``load["drag"]`` v and ``load["heat_coefficient"]`` T, implicitly; contacts included.
-        Returns the mean velocity over the step, (g, D), with added mass what drag and added mass
-        felt of it, and the mean temperature, (g), if there is heat; ``grains["force"]`` and ``grains["heat"]`` are then what is left of the forcing."""
+        Returns the mean velocity in the motion, (g, D), with added mass what drag and added mass
+        felt of it, and the mean temperature, (g), if there is heat; ``grains["force"]`` and
+        ``grains["heat"]`` are then what is left of the forcing."""
+    def give_back_carried(self, share: float = 0.5) -> None:
+        """Lowers the laws of ``load["velocity"]`` and ``load["temperature"]``, once they are filled,
+        so that the fluid gets ``share`` of the impulse and heat that are carried of earlier steps.
+        From then on what grains get beyond what the fluid loses is carried, so that momentum and
+        heat are kept over the steps."""
     def separate_continuity(self) -> None:
         """Gives the solid flux in the equation of mass a law of its own,
         ``load["continuity_mobility"]`` and ``load["continuity_velocity"]``, at first that of the
         momentum."""
     def accept(self) -> None:
-        """Accepts the last solution of the fluid and moves the clock: once, at the end of a
-        step."""
+        """Accepts the last solution of the fluid and moves the clock by its length: the end of a
+        step, or of a part of it. Not in ``solve``, after which the step is accepted."""
     def grain_state(self) -> GrainState:
         """The grains as they are now, to come back to."""
     def restore_grains(self, state: GrainState) -> None:
@@ -210,7 +223,8 @@ class System:
         """Gravity, m/s2, (D)."""
     @property
     def time(self) -> float:
-        """Time at the start of the step, s."""
+        """Time of the fluid, s: that at the start of the step, and of the last part that was
+        accepted."""
     @property
     def steps(self) -> int:
         """Steps done before this one."""
@@ -284,7 +298,8 @@ class Frame:
         """How many solutions of this step went before."""
     @property
     def time(self) -> float:
-        """Time at the start of the step, s."""
+        """Time of the fluid, s: that at the start of the step, and of the last part that was
+        accepted."""
     @property
     def dt(self) -> float:
         """Length of the step, s."""

@@ -51,7 +51,7 @@ pub fn placed(scene: &Scene, host: &Host, placing: &mut Placing<'_>) -> Result<C
         (None, Some(fluid), _) => System::Fluid(Box::new(fluid)),
         (None, None, _) => return Err(Error::input("the scene has neither grains nor a fluid")),
     };
-    let mut coupled = Coupled::new(system, coupling.scheme.build(&coupling.iteration, coupling.cut));
+    let mut coupled = Coupled::new(system, coupling.scheme.build(&coupling.options())?);
     coupled.passage = coupled.grains().and_then(|grains| passage(scene, grains)).map(Box::new);
     Ok(coupled)
 }
@@ -104,9 +104,10 @@ fn interaction(
             _ => Vec::new(),
         },
     };
-    let interaction = Interaction::new(laws, &fluid.mesh, grains, at)?;
-    let sticks_below = sticks_below(coupling, fluid)?;
-    Ok(Interaction { heat_tolerance: described.solver.tolerance, sticks_below, ..interaction })
+    let mut interaction = Interaction::new(laws, &fluid.mesh, grains, at)?;
+    interaction.sticks_below = sticks_below(coupling, fluid)?;
+    interaction.heat_tolerance = described.solver.tolerance;
+    Ok(interaction)
 }
 
 /// The laws of the exchange.
@@ -142,7 +143,7 @@ fn sticks_below(coupling: &scene::Coupling, fluid: &Fluid<2>) -> Result<Vec<(usi
 pub(crate) fn other_scheme(one: &Scene, other: &Scene) -> bool {
     let of = |scene: &Scene| {
         let coupling = scene.coupling.clone().unwrap_or_default();
-        format!("{:?} {:?} {:?}", coupling.scheme, coupling.iteration, coupling.cut)
+        (coupling.scheme, coupling.options())
     };
     of(one) != of(other)
 }
@@ -184,7 +185,7 @@ pub(crate) fn change(coupled: &mut Coupled<2>, scene: &Scene, scheme: bool) -> R
         fluid.start()?;
     }
     if scheme {
-        coupled.set_scheme(coupling.scheme.build(&coupling.iteration, coupling.cut));
+        coupled.set_scheme(coupling.scheme.build(&coupling.options())?);
     }
     Ok(())
 }

@@ -49,21 +49,15 @@ impl Scene {
     /// Checks of a scene whose steps a scheme of one's own does, in place of the one that it names.
     ///
     /// # Errors
-    /// The scene asks for what only the named schemes do: steps in parts, or another scheme at some time.
+    /// The scene asks for another scheme at some time.
     pub fn check_own_scheme(&self) -> Result<(), Box<SceneError>> {
-        let wrong = |key: &str, what: &str, help| {
-            Err(self.origin.error(key, format!("`{key}` {what}, but the scheme is one of your own"), help))
-        };
-        if self.coupling.as_ref().is_some_and(|coupling| coupling.cut.is_some()) {
-            let help = "leave it out, and divide the step in `step(system, dt)` of the scheme";
-            return wrong("coupling.cut", "divides the steps of the schemes that have names", help);
-        }
         if other_scheme(self, &self.before_step(u64::MAX)?) {
-            return wrong(
+            let what = "`events` change the scheme, but it is one of your own";
+            return Err(self.origin.error(
                 "events",
-                "change the scheme",
+                what,
                 "leave `coupling.scheme` and its options out of them",
-            );
+            ));
         }
         Ok(())
     }

@@ -10,6 +10,7 @@ use voidage_coupling::remesh::Remesh;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::cut::Cutting;
 use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::sub_cycled::SubCycling;
 use voidage_fluid::mesh::Rectangle;
 use voidage_fluid::transport::Form;
 
@@ -290,11 +291,20 @@ pub enum LinearMethod {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Coupling {
-    /// Coupling scheme: `"iterated"`, `"anchored"`, `"henry"`, `"henry-free"`, `"lagged"` or `"explicit"`. Default
-    /// `"iterated"`.
+    /// Coupling scheme: `"iterated"`, `"anchored"`, `"henry"`, `"henry-free"`, `"lagged"`, `"explicit"`, `"strang"`,
+    /// `"sub-cycled"`, `"sub-cycled-explicit"`, `"gauss-seidel"`, or one of your own, `"python:FILE[:CLASS]"`, whose file
+    /// is beside the scene where its path is relative. Default `"iterated"`.
     pub scheme: SchemeName,
-    /// Tolerance and relaxation of the scheme `"iterated"`. Default: the defaults of its keys.
+    /// Tolerance and relaxation of the schemes `"iterated"` and `"gauss-seidel"`. Default: the defaults of its keys.
     pub iteration: Iteration,
+    /// Steps of the grains in one of the fluid, of the schemes `"sub-cycled"` and `"sub-cycled-explicit"`. Default: the
+    /// defaults of its keys.
+    #[serde(skip_serializing_if = "is_default")]
+    pub sub_cycling: SubCycling,
+    /// What a scheme of your own is made with, by keyword: `{ tolerance = 1e-3 }` for `Mine(tolerance=1e-3)`. Default:
+    /// nothing.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub scheme_options: BTreeMap<String, serde_json::Value>,
     /// Steps in parts: a step in which a grain moves further than `travel`, or in which the scheme `"iterated"` does
     /// not reach its tolerance, is done in halves, quarters and so on, down to parts of 1/64. `{}` means the defaults
     /// of its keys. Default: steps are not divided.
@@ -329,11 +339,29 @@ pub struct Coupling {
     pub cohesion_below: BTreeMap<String, f64>,
 }
 
+impl Coupling {
+    /// What the scheme is told.
+    pub fn options(&self) -> voidage_coupling::scheme::Options {
+        voidage_coupling::scheme::Options {
+            iteration: self.iteration.clone(),
+            cut: self.cut,
+            sub_cycling: self.sub_cycling,
+            own: self.scheme_options.clone(),
+        }
+    }
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 impl Default for Coupling {
     fn default() -> Self {
         Coupling {
             scheme: SchemeName::default(),
             iteration: Iteration::default(),
+            sub_cycling: SubCycling::default(),
+            scheme_options: BTreeMap::new(),
             cut: None,
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,

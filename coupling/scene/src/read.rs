@@ -77,6 +77,9 @@ impl Scene {
         for file in self.files_mut() {
             *file = folder.join(&*file);
         }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.scheme = coupling.scheme.within(&folder);
+        }
         if let Some(heat) = self.fluid.as_mut().and_then(|fluid| fluid.heat.as_mut()) {
             heat.reference_temperature.get_or_insert(heat.initial_temperature);
         }

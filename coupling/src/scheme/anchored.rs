@@ -127,7 +127,7 @@ const HELD: f64 = 1e-3;
 const CALM: f64 = 1e-2;
 
 /// eta: the share of what is carried that the fluid gets back in a step.
-pub(crate) const RETURNED: f64 = 0.5;
+pub const RETURNED: f64 = 0.5;
 
 /// The shares theta of momentum and flux.
 fn shares<const D: usize>(bond: Bond, cautious: bool) -> [f64; 2] {

@@ -9,12 +9,10 @@
 //! Where a droplet moves so far that a cell of the mesh would turn over, the domain is remeshed first.
 
 use super::Scheme;
-use crate::droplet::Exchanged;
+pub use crate::parts::Part;
 use crate::{Agreement, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use voidage_dem::Vector;
-use voidage_fluid::balance::Balance;
 
 /// When a step is done in parts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -37,15 +35,6 @@ impl Default for Cutting {
 
 /// How often a step may be halved.
 const HALVINGS: u32 = 6;
-
-/// A part of a step.
-#[derive(Clone, Copy, Debug)]
-pub struct Part {
-    /// What grains and fluid move by, s.
-    pub dt: f64,
-    /// The step that this is a part of, s.
-    pub whole: f64,
-}
 
 /// A scheme whose answer can be judged before it is accepted.
 pub trait Trial<const D: usize>: Send {
@@ -72,68 +61,6 @@ pub struct Cut<T> {
     cutting: Option<Cutting>,
 }
 
-/// What is given and taken over a step that is done in parts.
-#[derive(Default)]
-struct Mean<const D: usize> {
-    /// Force of the fluid on each grain, N, and heat, W.
-    grains: (Vec<Vector<D>>, Vec<f64>),
-    /// Force of the grains on each wall, N, heat of the walls, W, and moment on them, N m.
-    walls: (Vec<Vector<D>>, Vec<f64>, Vec<f64>),
-    /// The parts of the boundary.
-    balances: Vec<Balance<D>>,
-    droplet: Option<Exchanged<D>>,
-}
-
-/// Adds a column times a share to its sum, which may be empty yet.
-fn add<T>(sum: &mut Vec<T>, column: &[T], share: f64)
-where
-    T: Copy + std::ops::Mul<f64, Output = T> + std::ops::AddAssign,
-{
-    let part = column.iter().map(|value| *value * share);
-    match sum.is_empty() {
-        true => sum.extend(part),
-        false => sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part),
-    }
-}
-
-impl<const D: usize> Mean<D> {
-    /// Adds a part that is a `share` of the step.
-    fn add(&mut self, mixture: &Mixture<D>, share: f64) {
-        let Mixture { grains, fluid, interaction, .. } = mixture;
-        add(&mut self.grains.0, &interaction.force, share);
-        add(&mut self.grains.1, &interaction.heat, share);
-        add(&mut self.walls.0, grains.wall_force(), share);
-        add(&mut self.walls.1, grains.wall_heat(), share);
-        add(&mut self.walls.2, grains.wall_torque(), share);
-        let parts = &fluid.solution.balances;
-        self.balances.resize(parts.len(), Balance::none(fluid.scalars.len()));
-        for (sum, part) in self.balances.iter_mut().zip(parts) {
-            sum.flux += part.flux * share;
-            sum.force += part.force * share;
-            add(&mut sum.torque, &part.torque, share);
-            add(&mut sum.scalars, &part.scalars, share);
-            add(&mut sum.convected, &part.convected, share);
-        }
-    }
-
-    /// Adds what a droplet exchanged in a part that has been accepted.
-    fn add_droplet(&mut self, mixture: &Mixture<D>, share: f64) {
-        if let Some(droplet) = &mixture.fluid.droplet {
-            self.droplet.get_or_insert_with(Exchanged::nothing).add(&droplet.exchanged, share);
-        }
-    }
-
-    /// Puts the means in the place of what the last part gave.
-    fn put(self, mixture: &mut Mixture<D>) {
-        (mixture.interaction.force, mixture.interaction.heat) = self.grains;
-        mixture.grains.set_walls(self.walls.0, self.walls.1, self.walls.2);
-        mixture.fluid.solution.balances = self.balances;
-        if let (Some(droplet), Some(exchanged)) = (&mut mixture.fluid.droplet, self.droplet) {
-            droplet.exchanged = exchanged;
-        }
-    }
-}
-
 impl<T> Cut<T> {
     /// A scheme that does steps in parts by `cutting`, or whole.
     pub fn new(scheme: T, cutting: Option<Cutting>) -> Self {
@@ -153,7 +80,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             .live_droplet()
             .map_or(most, |droplet| ((droplet.state.next * f64::from(most)) as u32).clamp(1, most));
         let (mut done, mut length, mut spent) = (0, first, 0);
-        let (mut sum, mut mean, mut grains) = (None::<Agreement>, None::<Mean<D>>, None);
+        let (mut sum, mut grains) = (None::<Agreement>, None);
         let mut renewed = false;
         while done < most {
             let part = Part { dt: dt * f64::from(length) / f64::from(most), whole: dt };
@@ -166,7 +93,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
                 mixture.move_mesh(|motion, time, points| motion.advance(time, part.dt, points));
             }
             if length > 1 || moves_mesh {
-                mixture.grains.save();
+                mixture.save_grains();
             }
             let accepted = mixture.interaction.at.clone();
             let mut agreement = match self.scheme.solve(mixture, part, &mut report) {
@@ -189,7 +116,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             let agrees = !runs_away && (agreement.converged || !self.scheme.repeats());
             let halves = length > 1 && !(agrees && used <= 1.0 && fits);
             if renews || halves {
-                mixture.grains.rewind();
+                mixture.rewind_grains();
                 mixture.move_mesh(|motion, time, points| motion.place(time, points));
                 // The halves start from the last accepted fluid, not from an answer that was none.
                 mixture.interaction.at = accepted;
@@ -206,7 +133,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
                 // Nothing of this part is accepted.
                 mixture.interaction.at = accepted;
                 if moves_mesh {
-                    mixture.grains.rewind();
+                    mixture.rewind_grains();
                 }
                 return match turned {
                     Ok(None) => Ok(report),
@@ -216,16 +143,10 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
             }
             renewed = false;
             let agreement = self.scheme.settle(mixture, part, agreement);
-            if length < most {
-                mean.get_or_insert_default().add(mixture, f64::from(length) / f64::from(most));
-            }
             sum = Some(agreement.after(sum.as_ref(), std::mem::take(&mut spent)));
             // Parts that were not accepted do not count.
             grains = report.grains.map(|now| now.after(grains.as_ref()));
-            mixture.accept_part(part.dt, &mut report)?;
-            if let Some(mean) = &mut mean {
-                mean.add_droplet(mixture, f64::from(length) / f64::from(most));
-            }
+            mixture.accept_part(part, &mut report)?;
             done += length;
             // As long again as the parts that are left allow, unless that is known to be too far. A droplet boils over
             // the next part what it took in over this one, and is thrown if that has another length: so no part is more
@@ -239,11 +160,8 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
         if let Some(droplet) = mixture.fluid.live_droplet() {
             droplet.state.next = f64::from(length) / f64::from(most);
         }
-        if let Some(mean) = mean {
-            mean.put(mixture);
-        }
         (report.agreement, report.grains) = (sum, grains);
-        mixture.end_step();
+        mixture.end_step(&mut report);
         Ok(report)
     }
 }

@@ -22,11 +22,21 @@ impl<const D: usize> Trial<D> for Explicit {
         report: &mut StepReport,
     ) -> Result<Agreement> {
         once(mixture, dt, report, |grains, interaction, stream| {
-            freeze(grains, &mut interaction.load.mobility, &mut interaction.load.velocity);
-            freeze_heat(grains, interaction);
-            expect_in_water(grains, interaction, stream, dt);
+            expect(grains, interaction, stream, dt);
         })
     }
+}
+
+/// Fills the laws of grains that keep their velocity and temperature.
+pub(super) fn expect<const D: usize>(
+    grains: &Dem<D>,
+    interaction: &mut Interaction<D>,
+    stream: Option<Stream<D>>,
+    dt: f64,
+) {
+    freeze(grains, &mut interaction.load.mobility, &mut interaction.load.velocity);
+    freeze_heat(grains, interaction);
+    expect_in_water(grains, interaction, stream, dt);
 }
 
 /// The law of grains that keep their velocity.

@@ -20,7 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use voidage_dem::Vector;
 
-/// Tolerance and relaxation of the scheme `iterated`.
+/// Tolerance and relaxation of the schemes `iterated` and `gauss-seidel`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Iteration {
@@ -33,13 +33,15 @@ pub struct Iteration {
     /// Largest number of solutions of the fluid in a step. At least 1. Default 20.
     pub most: usize,
     /// How the next guess x of the forces and heats on the grains follows from the last one and from the residual r,
-    /// the answer of the fluid less the guess: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default `"iqn-ils"`.
-    pub relaxation: Relaxation,
+    /// the answer of the fluid less the guess: `"aitken"`, `"iqn-ils"` or `{ constant = 0.5 }`. Default `"iqn-ils"`,
+    /// with `gauss-seidel` `"aitken"`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<Relaxation>,
 }
 
 impl Default for Iteration {
     fn default() -> Self {
-        Self { tolerance: 0.1, heat_tolerance: 1e-2, most: 20, relaxation: Relaxation::default() }
+        Self { tolerance: 0.1, heat_tolerance: 1e-2, most: 20, relaxation: None }
     }
 }
 
@@ -64,15 +66,21 @@ pub struct Iterated<const D: usize> {
     forcing: Forcing<D>,
     answer: Forcing<D>,
     anchor: Anchor,
+    slopes: bool,
     relaxer: Relaxer,
 }
 
 impl<const D: usize> Iterated<D> {
     /// The scheme with these settings.
     pub fn new(iteration: Iteration) -> Self {
-        let relaxer = Relaxer::new(iteration.relaxation);
+        let relaxer = Relaxer::new(iteration.relaxation.unwrap_or_default());
         let (forcing, answer) = (Forcing::default(), Forcing::default());
-        Self { iteration, forcing, answer, anchor: Anchor::default(), relaxer }
+        Self { iteration, forcing, answer, anchor: Anchor::default(), slopes: true, relaxer }
+    }
+
+    /// The same with laws without slope: the fluid takes the grains to keep the velocity of their response.
+    pub fn without_slopes(iteration: Iteration) -> Self {
+        Self { slopes: false, ..Self::new(iteration) }
     }
 }
 
@@ -81,7 +89,7 @@ impl<const D: usize> Trial<D> for Iterated<D> {
         let dt = part.dt;
         mixture.cut_grains(report)?;
         mixture.evaluate_closures(dt, report)?;
-        mixture.grains.save();
+        mixture.save_grains();
         self.forcing.read(mixture);
         rehearse(mixture, dt, &self.forcing, report)?;
         self.relaxer.restart();
@@ -94,6 +102,9 @@ impl<const D: usize> Trial<D> for Iterated<D> {
             let substeps = report.grains.map_or(1, |grains| grains.substeps);
             let returned = if solves == 1 { RETURNED } else { 1.0 };
             self.anchor.fill(mixture, &self.forcing, (part, substeps), (cautious, returned));
+            if !self.slopes {
+                flatten(mixture, &self.forcing);
+            }
             mixture.solve_fluid(dt, report)?;
             self.answer.read(mixture);
             mixture.drive_grains(dt, &self.answer, report)?;
@@ -105,7 +116,7 @@ impl<const D: usize> Trial<D> for Iterated<D> {
             if agreement.converged || solves >= self.iteration.most {
                 return Ok(agreement);
             }
-            mixture.grains.rewind();
+            mixture.rewind_grains();
             let now = agreement.disagreement.max(agreement.heat_disagreement);
             cautious |= now > SLOW * last;
             last = now;
@@ -127,31 +138,44 @@ impl<const D: usize> Trial<D> for Iterated<D> {
         agreement: Agreement,
     ) -> Agreement {
         let Some(mut carried) = mixture.interaction.carried.take() else { return agreement };
-        let forcing = &self.answer;
         for i in 0..mixture.felt().len() {
             let (felt, moved) = (mixture.felt()[i], mixture.grains.mean_velocity()[i]);
             let interaction = &mut mixture.interaction;
             carried.impulse[i] += interaction.missed(felt, i) * dt;
             carried.displacement[i] += interaction.missed_in_flux(moved, i) * dt;
-            interaction.force[i] = forcing.force[i] - felt * interaction.load.drag[i];
         }
-        let Mixture { grains, interaction, .. } = mixture;
+        let Mixture { grains, interaction, motions, .. } = mixture;
         if let Some(law) = &interaction.load.heat {
             let warmed = grains.mean_temperature();
             for i in 0..warmed.len() {
                 carried.heat[i] += law.missed(&interaction.at, warmed[i], i) * dt;
-                interaction.heat[i] = forcing.heat[i] - law.coefficient[i] * warmed[i];
             }
         }
         let total = carried.impulse.iter().sum::<Vector<D>>().norm();
         let gravity = grains.settings().gravity.norm();
-        let all = interaction.force.iter().zip(&grains.particles.mass);
+        let all = motions.force.iter().zip(&grains.particles.mass);
         let weight = |mass: f64| if mass.is_finite() { mass * gravity } else { 0.0 };
         let scale = all.map(|(force, mass)| force.norm() + weight(*mass)).sum::<f64>() * whole;
         interaction.carried = Some(carried);
         Agreement {
             carried: if total == 0.0 { 0.0 } else { total / scale.max(f64::MIN_POSITIVE) },
             ..agreement
+        }
+    }
+}
+
+/// Takes the slopes from the laws, which then give at the forcing what they gave.
+fn flatten<const D: usize>(mixture: &mut Mixture<D>, forcing: &Forcing<D>) {
+    let load = &mut mixture.interaction.load;
+    let flux = load.continuity.iter_mut().map(|law| (&mut law.mobility, &mut law.velocity));
+    for (mobility, velocity) in flux.chain([(&mut load.mobility, &mut load.velocity)]) {
+        for (i, force) in forcing.force.iter().enumerate() {
+            velocity[i] += *force * std::mem::take(&mut mobility[i]);
+        }
+    }
+    if let Some(law) = &mut load.heat {
+        for (i, heat) in forcing.heat.iter().enumerate() {
+            law.temperature[i] += heat * std::mem::take(&mut law.mobility[i]);
         }
     }
 }
@@ -169,7 +193,7 @@ fn rehearse<const D: usize>(
     report: &mut StepReport,
 ) -> Result<()> {
     mixture.drive_grains(dt, forcing, report)?;
-    mixture.grains.rewind();
+    mixture.rewind_grains();
     Ok(())
 }
 

@@ -9,24 +9,40 @@
 //! | [`explicit`] | a = 0, b = v_n | the force of the law |
 //! | [`henry`] | the motion of a free grain under the last contact force, or under none | the force of the law |
 //! | [`lagged`] | the same without contacts; the solid flux from v_n | the force of the law |
+//! | [`sub_cycled`] | a = 0, b = v_n | f and the drag of each of several steps |
+//! | [`strang`] | a = 0, b = v after half a step | f and implicit drag, by halves |
 //! | [`anchored`] | the response of the grains, contacts included, and its slope | f and implicit drag |
 //! | [`iterated`] | the same, again until grains and fluid agree | f and implicit drag |
+//! | [`gauss_seidel`] | the response without its slope, again until grains and fluid agree | f and implicit drag |
+//! | [`own`] | as you like | as you like |
 
 pub mod anchored;
 pub mod cut;
 pub mod explicit;
+pub mod gauss_seidel;
 pub mod henry;
 pub mod iterated;
 pub mod lagged;
+pub mod own;
 pub mod relaxation;
+pub mod strang;
+pub mod sub_cycled;
 
 use self::cut::{Cut, Cutting};
+use self::gauss_seidel::GaussSeidel;
 use self::iterated::{Iterated, Iteration};
+use self::own::Own;
+use self::strang::Strang;
+use self::sub_cycled::{SubCycled, SubCycling};
 use crate::agreement::{Agreement, Comparison, Temperatures};
 use crate::droplet::wet::Stream;
-use crate::{Interaction, Mixture, StepReport, error::Result};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use crate::{Interaction, Mixture, Notice, StepReport, error::Result};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::str::FromStr;
 use voidage_dem::Dem;
 
 /// A coupling scheme: one step of grains and fluid together.
@@ -39,8 +55,7 @@ pub trait Scheme<const D: usize>: Send {
 }
 
 /// Schemes by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SchemeName {
     /// The drag is implicit in the velocity of the fluid and takes the last velocities of the grains (A.16).
     Explicit,
@@ -50,17 +65,51 @@ pub enum SchemeName {
     HenryFree,
     /// As `henry-free` in the equation of momentum; the equation of mass takes the last velocities of the grains.
     Lagged,
+    /// The fluid takes a step among grains that keep their velocity, then the grains take several in that fluid, with
+    /// implicit drag.
+    SubCycled,
+    /// The same with explicit drag.
+    SubCycledExplicit,
+    /// The grains take half a step before and half a step after the fluid.
+    Strang,
     /// The grains are moved on trial first, contacts included, and the fluid is solved once with their response.
     Anchored,
     /// As `anchored`, repeated until fluid and grains agree.
     #[default]
     Iterated,
+    /// Fluid and grains are solved in turn with laws without slope and Aitken's relaxation until they agree.
+    GaussSeidel,
+    /// A scheme of one's own.
+    Own(Own),
+}
+
+/// What the schemes can be told.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Options {
+    /// Of [`SchemeName::Iterated`] and [`SchemeName::GaussSeidel`].
+    pub iteration: Iteration,
+    /// Steps in parts; absent where they are whole.
+    pub cut: Option<Cutting>,
+    /// Of [`SchemeName::SubCycled`] and [`SchemeName::SubCycledExplicit`].
+    pub sub_cycling: SubCycling,
+    /// Of a scheme of one's own: what it is made with, by keyword.
+    pub own: BTreeMap<String, serde_json::Value>,
 }
 
 impl SchemeName {
-    /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Explicit, Self::Henry, Self::HenryFree, Self::Lagged, Self::Anchored, Self::Iterated];
+    /// All that are shipped.
+    pub const ALL: [Self; 10] = [
+        Self::Explicit,
+        Self::Henry,
+        Self::HenryFree,
+        Self::Lagged,
+        Self::SubCycled,
+        Self::SubCycledExplicit,
+        Self::Strang,
+        Self::Anchored,
+        Self::Iterated,
+        Self::GaussSeidel,
+    ];
 
     /// The name in scenes and on the command line.
     pub fn name(self) -> &'static str {
@@ -69,33 +118,112 @@ impl SchemeName {
             Self::Henry => "henry",
             Self::HenryFree => "henry-free",
             Self::Lagged => "lagged",
+            Self::SubCycled => "sub-cycled",
+            Self::SubCycledExplicit => "sub-cycled-explicit",
+            Self::Strang => "strang",
             Self::Anchored => "anchored",
             Self::Iterated => "iterated",
+            Self::GaussSeidel => "gauss-seidel",
+            Self::Own(own) => own.name(),
         }
     }
 
-    /// The scheme of this name; `iteration` is for [`Self::Iterated`] only. Steps are done in parts by `cutting`, or
-    /// whole.
-    pub fn build<const D: usize>(
-        self,
-        iteration: &Iteration,
-        cutting: Option<Cutting>,
-    ) -> Box<dyn Scheme<D>> {
-        match self {
-            Self::Explicit => Box::new(Cut::new(explicit::Explicit, cutting)),
-            Self::Henry => Box::new(Cut::new(henry::Henry { contacts: true }, cutting)),
-            Self::HenryFree => Box::new(Cut::new(henry::Henry { contacts: false }, cutting)),
-            Self::Lagged => Box::new(Cut::new(lagged::Lagged, cutting)),
-            Self::Anchored => Box::new(Cut::new(Iterated::new(Iteration::once()), cutting)),
-            Self::Iterated => Box::new(Cut::new(Iterated::new(iteration.clone()), cutting)),
-        }
+    /// Whether the law has the velocity that the grains will have, so that added mass acts on their acceleration.
+    pub fn knows_acceleration(self) -> bool {
+        !matches!(self, Self::Explicit | Self::SubCycled | Self::SubCycledExplicit | Self::Strang)
+    }
+
+    /// The same with a file of one's own that is beside `folder` where its path is relative.
+    pub fn within(self, folder: &Path) -> Self {
+        if let Self::Own(own) = self { Self::Own(own.within(folder)) } else { self }
+    }
+
+    /// Sees to it that the scheme can be made: [`own::require`].
+    ///
+    /// # Errors
+    /// Those of [`own::require`].
+    pub fn require(self) -> Result<()> {
+        if let Self::Own(own) = self { own::require(own) } else { Ok(()) }
+    }
+
+    /// The scheme of this name.
+    ///
+    /// # Errors
+    /// One's own cannot be made.
+    pub fn build<const D: usize>(self, options: &Options) -> Result<Box<dyn Scheme<D>>> {
+        let Options { iteration, cut, sub_cycling, .. } = options;
+        let cut = *cut;
+        Ok(match self {
+            Self::Explicit => Box::new(Cut::new(explicit::Explicit, cut)),
+            Self::Henry => Box::new(Cut::new(henry::Henry { contacts: true }, cut)),
+            Self::HenryFree => Box::new(Cut::new(henry::Henry { contacts: false }, cut)),
+            Self::Lagged => Box::new(Cut::new(lagged::Lagged, cut)),
+            Self::SubCycled => Box::new(Cut::new(SubCycled::new(*sub_cycling, true), cut)),
+            Self::SubCycledExplicit => Box::new(Cut::new(SubCycled::new(*sub_cycling, false), cut)),
+            Self::Strang => Box::new(Cut::new(Strang::default(), cut)),
+            Self::Anchored => Box::new(Cut::new(Iterated::new(Iteration::once()), cut)),
+            Self::Iterated => Box::new(Cut::new(Iterated::new(iteration.clone()), cut)),
+            Self::GaussSeidel => Box::new(Cut::new(GaussSeidel::new(iteration.clone()), cut)),
+            Self::Own(own) => own::build(own, options)?,
+        })
     }
 }
 
 impl std::fmt::Display for SchemeName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
+        f.pad(self.name())
     }
+}
+
+/// The scheme of a [name](SchemeName::name); the error says which there are.
+impl FromStr for SchemeName {
+    type Err = Notice;
+
+    fn from_str(name: &str) -> std::result::Result<Self, Notice> {
+        let shipped = Self::ALL.into_iter().find(|scheme| scheme.name() == name);
+        shipped.or_else(|| Own::named(name).map(Self::Own)).ok_or_else(|| {
+            let known: Vec<&str> = Self::ALL.iter().map(|scheme| scheme.name()).collect();
+            let help = format!("use one of {}, or python:FILE[:CLASS]", known.join(", "));
+            Notice::new(format!("`{name}`: there is no such coupling scheme"), help)
+        })
+    }
+}
+
+impl Serialize for SchemeName {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+impl<'de> Deserialize<'de> for SchemeName {
+    fn deserialize<T: Deserializer<'de>>(deserializer: T) -> std::result::Result<Self, T::Error> {
+        let name = String::deserialize(deserializer)?;
+        name.parse().map_err(|notice: Notice| serde::de::Error::custom(notice))
+    }
+}
+
+impl JsonSchema for SchemeName {
+    fn schema_name() -> Cow<'static, str> {
+        "SchemeName".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let names: Vec<&str> = Self::ALL.iter().map(|scheme| scheme.name()).collect();
+        json_schema!({
+            "description": "A coupling scheme, or `python:FILE[:CLASS]`.",
+            "anyOf": [{"type": "string", "enum": names}, {"type": "string", "pattern": "^python:."}]
+        })
+    }
+}
+
+/// Fills the laws of grains that keep their velocity and temperature while the fluid is solved over `dt`: that of the
+/// momentum, which what is carried may change, and that of the solid flux.
+fn expect_frozen<const D: usize>(mixture: &mut Mixture<D>, dt: f64) {
+    let stream = mixture.fluid.droplet.as_ref().map(|droplet| droplet.stream());
+    let Mixture { grains, interaction, .. } = mixture;
+    explicit::expect(grains, interaction, stream, dt);
+    let flux = interaction.load.continuity.get_or_insert_default();
+    explicit::freeze(grains, &mut flux.mobility, &mut flux.velocity);
 }
 
 /// Solves the fluid once, with the law that `predict` fills, and moves the grains by the force of the law.
@@ -116,8 +244,8 @@ fn once<const D: usize>(
     Ok(agreement(mixture, dt))
 }
 
-/// How far grains that moved by the force of the law are from it.
-fn agreement<const D: usize>(mixture: &Mixture<D>, dt: f64) -> Agreement {
+/// How far grains that moved by the force of the law in a solution over `dt` are from it.
+pub fn agreement<const D: usize>(mixture: &Mixture<D>, dt: f64) -> Agreement {
     let (grains, Interaction { load, at, laws, force, .. }) = (&mixture.grains, &mixture.interaction);
     let velocity = &grains.particles.velocity;
     let comparison = Comparison { grains, load, density: laws.density, dt, force };

@@ -1,5 +1,6 @@
 //! The fluidisation plateau: once a bed bubbles, the pressure drop carries its weight.
 
+use crate::models::scheme_setting;
 use crate::{Case, Finding, Outcome};
 use std::path::Path;
 use voidage_campaign::plot::panels::{Curve, Panel};
@@ -51,8 +52,9 @@ fn gas(simulation: &Simulation) -> Option<(f64, f64)> {
 /// floor share the lowest row of grains, so that the pressure there is not quite the force on it: above a clear layer
 /// of two elements, the grains on a sieve, 0.02 % are left.
 fn run(effort: Effort) -> Result<Outcome> {
-    let scene =
-        Scene::parse(Path::new("cases/bubbling-bed/scene-quick.toml"), SCENE, &CHANGES.map(String::from))?;
+    let mut changes = CHANGES.map(String::from).to_vec();
+    changes.extend(scheme_setting());
+    let scene = Scene::parse(Path::new("cases/bubbling-bed/scene-quick.toml"), SCENE, &changes)?;
     let mut simulation = Simulation::new(&scene)?;
     let lost = || Error::run("the bed has no grains or no fluid");
     let weight = simulation.bed_weight_per_area().ok_or_else(lost)?;

@@ -8,8 +8,7 @@ use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunctio
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
 use voidage_coupling::remesh::{Remesh, Remesher};
-use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::{Coupled, Result, System, TEMPERATURE};
 use voidage_fluid::body::{Blowing, Body, BodyMotion, Evaporation, HeatFlux};
 use voidage_fluid::conditions::{Condition, FlowCondition, Prescribed, ScalarCondition};
@@ -151,7 +150,7 @@ fn with_droplet(
     fluid.droplet = Some(Box::new(droplet));
     let when = Remesh { every: 1, ..Remesh::default() };
     fluid.remesher = Some(Remesher::around_droplet(&fluid.mesh, None, when));
-    let scheme = SchemeName::default().build(&Iteration::default(), None);
+    let scheme = SchemeName::default().build(&Options::default())?;
     Ok(Coupled::new(System::Fluid(Box::new(fluid)), scheme))
 }
 

@@ -10,8 +10,7 @@ use voidage_campaign::plot::panels::{Curve, Panel};
 use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
-use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::{Coupled, HEAT, Result, System, TEMPERATURE};
 use voidage_fluid::Flow;
 use voidage_fluid::body::{Blowing, Body, BodyMotion, Evaporation, HeatFlux};
@@ -104,7 +103,7 @@ fn shrink(wall: f64, rings: usize, share: f64, dt: f64) -> Result<f64> {
     }
     let mut fluid = set.build(mesh, start)?;
     fluid.droplet = Some(Box::new(droplet));
-    let scheme = SchemeName::default().build(&Iteration::default(), None);
+    let scheme = SchemeName::default().build(&Options::default())?;
     let mut system = Coupled::new(System::Fluid(Box::new(fluid)), scheme);
     let (mut before, least) = (DISC * DISC, (share * DISC).powi(2));
     loop {

@@ -13,7 +13,6 @@ use super::{Coordinates, Scene, SceneError};
 use crate::recorder::column_name;
 pub(crate) use passage::sources;
 use voidage_coupling::TEMPERATURE;
-use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::relaxation::Relaxation;
 
@@ -85,7 +84,7 @@ fn iteration(scene: &Scene, iteration: &Iteration) -> Checked {
     positive(scene, "coupling.iteration.heat_tolerance", iteration.heat_tolerance)?;
     positive(scene, "coupling.iteration.most", iteration.most as f64)?;
     match iteration.relaxation {
-        Relaxation::Constant(omega) if !(omega > 0.0 && omega <= 1.0) => {
+        Some(Relaxation::Constant(omega)) if !(omega > 0.0 && omega <= 1.0) => {
             let message = format!("`coupling.iteration.relaxation.constant` is {omega}");
             fail(scene, "coupling.iteration.relaxation", message, "give a number above 0 and at most 1")
         }
@@ -112,9 +111,17 @@ pub(super) fn values(scene: &Scene) -> Checked {
         iteration(scene, &coupling.iteration)?;
         within(scene, "coupling.kernel", coupling.kernel, 1.0, 20.0)?;
         within(scene, "coupling.added_mass", coupling.added_mass, 0.0, 100.0)?;
-        if coupling.added_mass > 0.0 && coupling.scheme == SchemeName::Explicit {
-            let message = "`coupling.added_mass` is there, and the scheme \"explicit\" knows no acceleration of the grains";
+        within(scene, "coupling.sub_cycling.steps", coupling.sub_cycling.steps as f64, 1.0, 1e4)?;
+        if coupling.added_mass > 0.0 && !coupling.scheme.knows_acceleration() {
+            let message = format!(
+                "`coupling.added_mass` is there, and the scheme \"{}\" knows no acceleration of the grains",
+                coupling.scheme
+            );
             return fail(scene, "coupling.added_mass", message, "take another scheme, or `added_mass` away");
+        }
+        if let Err(error) = coupling.scheme.require() {
+            let voidage_coupling::Notice { what, help } = error.notice();
+            return fail(scene, "coupling.scheme", what, help);
         }
         if scene.droplet.is_some() && (coupling.added_mass > 0.0 || coupling.lift.is_some()) {
             let key = if coupling.lift.is_some() { "coupling.lift" } else { "coupling.added_mass" };

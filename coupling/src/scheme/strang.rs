@@ -1,0 +1,78 @@
+//! Strang's splitting: the grains take half a step in the last fluid, the fluid a whole one among grains that keep their
+//! velocity, the grains the other half in the new fluid (Strang 1968). Drag is implicit in the velocity of the grains in
+//! each half, and in that of the fluid.
+//!
+//! With A = beta dt/(eps rho_f), B = beta dt/(phi rho_p), r = (rho_f/rho_p)(phi/eps) and q = 1/(1 + B/2), beta the drag
+//! per volume and slip:
+//!
+//! *Slip without constraint*: v_h = q v + (1 - q) u, u' = (u + A v_h)/(1 + A) and v' = q v_h + (1 - q) u', so that v - u
+//! is multiplied by q^2/(1 + A): stable for all steps.
+//!
+//! *A closed box*: with the forcing f = gamma u - V grad p in the units of gamma,
+//!
+//! ```text
+//!     v_h = q v + (1 - q) f,   u' = -(phi/eps) v_h,   f' = -(r/B)(v_h - v_h_old) - (phi/eps^2)(1 + eps) v_h,
+//!     v'  = q v_h + (1 - q) f'.
+//! ```
+//!
+//! v_h is therefore a mode of its own, v_h' = q^2 v_h + (1 - q^2) f' (both halves see f'), with
+//! 1 - q^2 = P B where P = (1 - q^2)/B: that of [`super::sub_cycled`] with two steps of the grains, and grows where that one does.
+//! The splitting gives a second order in time where both halves have it. The fluid and the drag here are of first order, so
+//! that it is the error of the splitting that is smaller.
+//!
+//! **Momentum.** What the grains get in their halves beyond what the fluid loses is carried and given back by half in each
+//! step, as in [`super::anchored`].
+
+use super::anchored::{Forcing, RETURNED};
+use super::cut::{Part, Trial};
+use super::expect_frozen;
+use crate::motions::Lost;
+use crate::{Agreement, Mixture, StepReport, error::Result};
+
+/// The scheme.
+#[derive(Default)]
+pub struct Strang<const D: usize> {
+    forcing: Forcing<D>,
+    lost: Lost<D>,
+}
+
+impl<const D: usize> Strang<D> {
+    /// Half a step of the grains in the fluid as it is.
+    fn advance(&mut self, mixture: &mut Mixture<D>, dt: f64, report: &mut StepReport) -> Result<()> {
+        mixture.evaluate_closures(dt, report)?;
+        self.forcing.read(mixture);
+        mixture.drive_grains(dt, &self.forcing, report)
+    }
+}
+
+impl<const D: usize> Trial<D> for Strang<D> {
+    fn solve(
+        &mut self,
+        mixture: &mut Mixture<D>,
+        Part { dt, whole }: Part,
+        report: &mut StepReport,
+    ) -> Result<Agreement> {
+        mixture.cut_grains(report)?;
+        self.advance(mixture, 0.5 * dt, report)?;
+        if report.grains.is_some_and(|grains| grains.runaway.is_some()) {
+            return Ok(Agreement::default());
+        }
+        mixture.cut_grains(report)?;
+        mixture.evaluate_closures(dt, report)?;
+        expect_frozen(mixture, dt);
+        mixture.give_back(RETURNED, whole);
+        mixture.solve_fluid(dt, report)?;
+        self.lost.read(&mixture.interaction);
+        self.advance(mixture, 0.5 * dt, report)?;
+        Ok(mixture.compare(&self.lost, dt))
+    }
+
+    fn settle(
+        &mut self,
+        mixture: &mut Mixture<D>,
+        Part { dt, whole }: Part,
+        agreement: Agreement,
+    ) -> Agreement {
+        Agreement { carried: mixture.carry(&self.lost, dt, whole), ..agreement }
+    }
+}
