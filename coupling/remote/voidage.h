@@ -5,11 +5,11 @@
  * The run asks, the solver answers each request (examples/uniform.c is a whole solver):
  *
  *     voidage_connect(&run, "tcp:HOST:PORT", "name", NULL, 60.0)   greets, and gets run.setup, a JSON text
- *     voidage_receive(&run)                                        waits for a request, and returns its kind:
- *         VOIDAGE_MESH    voidage_read_mesh, then voidage_done     a mesh and accepted fields
- *         VOIDAGE_STATE   voidage_read_state, then voidage_done    other accepted fields on this mesh
- *         VOIDAGE_STEP    voidage_read_step, then voidage_answer   one solution, from the accepted fields
- *         VOIDAGE_BYE     voidage_close                            the end
+ *     voidage_serve(&run, set_mesh, set_state, solve)              answers by these functions until the end:
+ *         set_mesh     voidage_read_mesh, then voidage_done        a mesh and accepted fields
+ *         set_state    voidage_read_state, then voidage_done       other accepted fields on this mesh
+ *         solve        voidage_read_step, then voidage_answer      one solution, from the accepted fields
+ *     voidage_close(&run)
  *
  * A run may ask for many solutions of a step. Each starts from the accepted fields; `accept` in a step says that the
  * solution before it is accepted. A function that returns -1 has written to run.error why; voidage_fail tells the run.
@@ -542,7 +542,7 @@ static inline char *voidage_quote(char *to, const char *end, const char *text)
 
 /* ------------------------------------------------------------------------------------------- for solvers */
 
-/* Lets the run go. */
+/* Closes the connection and frees the memory of the run. */
 static inline void voidage_close(voidage_run *run)
 {
     if (run->socket >= 0) close(run->socket);
@@ -946,6 +946,27 @@ static inline int voidage_answer(voidage_run *run, const voidage_solution *solut
     voidage_put(&to, solution->bodies, bodies, bodies);
     voidage_put(&to, solution->report, VOIDAGE_REPORT_NUMBERS, VOIDAGE_REPORT_NUMBERS);
     return voidage_send_frame(run, frame, run->answer);
+}
+
+/* Answers requests by these functions until the run says goodbye. What one of them cannot do, for which it returns
+ * -1, the run is told. */
+static inline int voidage_serve(voidage_run *run, int (*set_mesh)(voidage_run *), int (*set_state)(voidage_run *),
+                                int (*solve)(voidage_run *))
+{
+    char why[sizeof run->error];
+    for (;;) {
+        int kind = voidage_receive(run), done = -1;
+        if (kind == VOIDAGE_BYE) return 0;
+        if (kind == VOIDAGE_MESH) done = set_mesh(run);
+        if (kind == VOIDAGE_STATE) done = set_state(run);
+        if (kind == VOIDAGE_STEP) done = solve(run);
+        if (done < 0) break;
+    }
+    /* A run that is gone cannot be told: the first error is the cause. */
+    memcpy(why, run->error, sizeof why);
+    voidage_fail(run, why);
+    memcpy(run->error, why, sizeof why);
+    return -1;
 }
 
 #endif

@@ -1,7 +1,8 @@
 //! Fluid solvers in C: the header is that of the protocol, the example computes what the same solver in Rust does, what
 //! C reads is what was sent, and what is no frame is an error that says so.
 
-use std::io::{ErrorKind, Read, Write};
+use std::fs::File;
+use std::io::{ErrorKind, Read, Seek, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -239,45 +240,61 @@ fn run(mut system: Coupled<2>) -> Result<Vec<u64>> {
     Ok(bits(&system))
 }
 
+/// A solver in C. What it says goes to files: nobody reads a pipe while it runs.
+struct Running {
+    process: Child,
+    said: File,
+    errors: File,
+}
+
 /// A solver that connects to an address.
-fn start(program: &Path, address: &str, token: &str) -> Child {
+fn start(program: &Path, address: &str, token: &str) -> Running {
+    let [said, errors] = [(); 2].map(|()| tempfile::tempfile().expect("a file"));
+    let written = |file: &File| Stdio::from(file.try_clone().expect("a file"));
     let mut command = Command::new(program);
     command.arg(address).env("VOIDAGE_TOKEN", token).stdin(Stdio::null());
     // Memory that is not there is to be an error of the solver, and no end of it.
     command.env("ASAN_OPTIONS", "allocator_may_return_null=1:detect_leaks=0");
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("a process")
+    let process = command.stdout(written(&said)).stderr(written(&errors)).spawn().expect("a process");
+    Running { process, said, errors }
 }
 
-/// How a solver ended and what it said, if it ends in time.
-fn end(mut solver: Child) -> (Option<i32>, String, String) {
-    let limit = Instant::now() + PATIENCE;
-    while solver.try_wait().expect("a process").is_none() {
-        if Instant::now() > limit {
-            solver.kill().expect("a process");
+impl Running {
+    /// How it ended and what it said, if it ends in time.
+    fn end(mut self) -> (Option<i32>, String, String) {
+        let limit = Instant::now() + PATIENCE;
+        while self.process.try_wait().expect("a process").is_none() {
+            if Instant::now() > limit {
+                self.process.kill().expect("a process");
+            }
+            std::thread::sleep(Duration::from_millis(2));
         }
-        std::thread::sleep(Duration::from_millis(2));
+        let code = self.process.wait().expect("a process").code();
+        let [said, errors] = [self.said, self.errors].map(|mut file| {
+            let mut text = String::new();
+            file.rewind().and_then(|()| file.read_to_string(&mut text)).expect("UTF-8");
+            text
+        });
+        (code, said, errors)
     }
-    let Output { status, stdout, stderr } = solver.wait_with_output().expect("its output");
-    let words = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
-    (status.code(), words(stdout), words(stderr))
 }
 
-/// A solver in C, and the process that it is.
-fn attach(program: &Path, token: &str) -> Result<(RemoteFluid<2>, Child)> {
+/// A solver in C as the grains see it, and the process that it is.
+fn attach(program: &Path, token: &str) -> (RemoteFluid<2>, Running) {
     let token = Token::new(Some(token.into()));
-    let (channel, address) = transport::listen(&Address::any_port(), PATIENCE, &token)?;
+    let (channel, address) = transport::listen(&Address::any_port(), PATIENCE, &token).expect("a port");
     let solver = start(program, &address.to_string(), token.word().unwrap_or_default());
     let name = program.display().to_string();
-    let fluid = RemoteFluid::new(channel, None, name, (PATIENCE, token), &Setup::new(model()))?;
-    Ok((fluid, solver))
+    let fluid = RemoteFluid::new(channel, None, name, (PATIENCE, token), &Setup::new(model()));
+    (fluid.expect("a solver in C"), solver)
 }
 
 #[test]
 fn a_bed_with_the_solver_in_c_is_that_with_the_same_solver_in_rust_bit_for_bit() {
     let (program, _folder) = program("examples/uniform.c", &[]);
-    let (fluid, solver) = attach(&program, "a word").expect("a solver in C");
+    let (fluid, solver) = attach(&program, "a word");
     let in_c = run(bed(Box::new(fluid)).expect("a bed")).expect("a run");
-    assert_eq!(end(solver), (Some(0), String::new(), String::new()));
+    assert_eq!(solver.end(), (Some(0), String::new(), String::new()));
     let calls = Arc::new(Mutex::new([0; 2]));
     let uniform = Uniform {
         properties: model().properties,
@@ -374,7 +391,7 @@ fn lines_of_step(step: &FluidStep<'_, 2>, (iteration, accept): (u32, bool), new:
 #[test]
 fn c_reads_what_was_sent_and_its_answer_arrives() {
     let (program, _folder) = program("tests/probe.c", &[]);
-    let (mut fluid, solver) = attach(&program, "a \\ \"word\"\t").expect("a solver in C");
+    let (mut fluid, solver) = attach(&program, "a \\ \"word\"\t");
     let plain = mesh();
     let mut joined = plain.clone();
     joined.join_sides([true, false]).expect("sides that fit");
@@ -428,7 +445,7 @@ fn c_reads_what_was_sent_and_its_answer_arrives() {
         expected += &lines_of_fields(&state);
     }
     drop(fluid);
-    let (code, said, errors) = end(solver);
+    let (code, said, errors) = solver.end();
     assert_eq!((code, errors.as_str()), (Some(0), ""));
     for (said, expected) in said.lines().zip(expected.lines()) {
         assert_eq!(said, expected);
@@ -494,7 +511,7 @@ fn told(program: &Path, bytes: &[u8]) -> (Option<i32>, String) {
     // A solver that has read enough does not wait for the rest.
     let _ = stream.write_all(bytes).and_then(|()| stream.shutdown(Shutdown::Write));
     let _ = stream.read_to_end(&mut vec![]);
-    let (code, _, errors) = end(solver);
+    let (code, _, errors) = solver.end();
     (code, errors)
 }
 
@@ -510,16 +527,14 @@ fn a_solver_in_c_says_what_is_wrong_with_what_it_is_sent() {
     let (program, _folder) = program("examples/uniform.c", &[]);
     let hello = hello();
     let [mesh, state, step] = requests();
-    let after = |requests: &[(Header, Vec<f64>)], last: Vec<u8>| {
-        let frames = requests.iter().flat_map(|(header, payload)| frame(*header, payload));
-        hello.iter().copied().chain(frames).chain(last).collect::<Vec<u8>>()
-    };
+    let whole = frame(mesh.0, &mesh.1);
+    let after = |last: Vec<u8>| [hello.clone(), last].concat();
+    let on_mesh = |last: Vec<u8>| [hello.clone(), whole.clone(), last].concat();
     let changed = |(header, payload): &(Header, Vec<f64>), change: &dyn Fn(&mut Header, &mut Vec<f64>)| {
         let (mut header, mut payload) = (*header, payload.clone());
         change(&mut header, &mut payload);
         frame(header, &payload)
     };
-    let whole = frame(mesh.0, &mesh.1);
     let cases: Vec<(Vec<u8>, &str)> = vec![
         (vec![], "takes no solver with this token and of this version of the protocol"),
         (
@@ -537,49 +552,34 @@ fn a_solver_in_c_says_what_is_wrong_with_what_it_is_sent() {
         (hello[..100].to_vec(), "within a frame, after 100 of the 128 bytes of its header"),
         (hello[..hello.len() - 1].to_vec(), "bytes of its payload"),
         (hello.clone(), "the run is gone"),
-        (after(&[], whole[..whole.len() - 8].to_vec()), "within a frame"),
-        (after(&[], frame(Header { run: 8, ..mesh.0 }, &mesh.1)), "a frame of the run 8"),
+        (after(whole[..whole.len() - 8].to_vec()), "within a frame"),
+        (after(frame(Header { run: 8, ..mesh.0 }, &mesh.1)), "a frame of the run 8"),
+        (after(frame(Header { run: RUN, ..Header::new(Kind::Solution) }, &[])), "solution is no request"),
+        (after(frame(state.0, &state.1)), "fields of 45 nodes, the mesh has 0"),
+        (after(frame(step.0, &step.1)), "a step before the mesh"),
+        (after(changed(&mesh, &|h, _| h.cells += 1)), "among behind, there are 65"),
+        (after(changed(&mesh, &|h, _| h.facets = u64::MAX / 8)), "the sides of a mesh: "),
+        (after(changed(&mesh, &|h, _| h.text = 8 * h.length + 1)), "a text of "),
+        (after(changed(&mesh, &|h, _| h.scalars = 1)), "fields with the scalars 0x1, there are 2"),
+        (after(changed(&mesh, &|h, _| h.stride += 8)), "45 rows, 56 apart"),
+        (after(changed(&mesh, &|_, p| p[90] = 45.0)), "the number 45 among corners, there are 45"),
+        (after(changed(&mesh, &|_, p| p[91] = 0.5)), "the number 0.5 among corners"),
+        (after(changed(&mesh, &|_, p| p[91] = f64::NAN)), "among corners"),
         (
-            after(&[], frame(Header { run: RUN, ..Header::new(Kind::Solution) }, &[])),
-            "solution is no request",
-        ),
-        (after(&[], frame(state.0, &state.1)), "fields of 45 nodes, the mesh has 0"),
-        (after(&[], frame(step.0, &step.1)), "a step before the mesh"),
-        (after(&[], changed(&mesh, &|h, _| h.cells += 1)), "among behind, there are 65"),
-        (after(&[], changed(&mesh, &|h, _| h.facets = u64::MAX / 8)), "the sides of a mesh: "),
-        (after(&[], changed(&mesh, &|h, _| h.text = 8 * h.length + 1)), "a text of "),
-        (after(&[], changed(&mesh, &|h, _| h.scalars = 1)), "fields with the scalars 0x1, there are 2"),
-        (after(&[], changed(&mesh, &|h, _| h.stride += 8)), "45 rows, 56 apart"),
-        (after(&[], changed(&mesh, &|_, p| p[90] = 45.0)), "the number 45 among corners, there are 45"),
-        (after(&[], changed(&mesh, &|_, p| p[91] = 0.5)), "the number 0.5 among corners"),
-        (after(&[], changed(&mesh, &|_, p| p[91] = f64::NAN)), "among corners"),
-        (
-            after(
-                &[mesh.clone()],
-                changed(&state, &|h, p| {
-                    h.length += 1;
-                    p.push(0.0)
-                }),
-            ),
+            on_mesh(changed(&state, &|h, p| {
+                h.length += 1;
+                p.push(0.0)
+            })),
             "1 numbers too many in a state",
         ),
+        (on_mesh(changed(&step, &|_, p| p[0] = 64.0)), "the number 64 among cell, there are 64"),
+        (on_mesh(changed(&step, &|h, _| h.nodes = 44)), "a step for 44 nodes, the mesh has 45"),
+        (on_mesh(changed(&step, &|h, _| h.scalars = 4)), "points with the scalars 0x4"),
         (
-            after(&[mesh.clone()], changed(&step, &|_, p| p[0] = 64.0)),
-            "the number 64 among cell, there are 64",
-        ),
-        (
-            after(&[mesh.clone()], changed(&step, &|h, _| h.nodes = 44)),
-            "a step for 44 nodes, the mesh has 45",
-        ),
-        (after(&[mesh.clone()], changed(&step, &|h, _| h.scalars = 4)), "points with the scalars 0x4"),
-        (
-            after(
-                &[mesh.clone()],
-                changed(&step, &|h, p| {
-                    h.length -= 9;
-                    p.drain(p.len() - 10..p.len() - 1);
-                }),
-            ),
+            on_mesh(changed(&step, &|h, p| {
+                h.length -= 9;
+                p.drain(p.len() - 10..p.len() - 1);
+            })),
             "the voidage of a step: ",
         ),
     ];
@@ -631,7 +631,7 @@ fn a_solver_in_c_with_another_token_is_turned_away_and_both_say_why() {
         channel.poll(Duration::from_millis(10)).expect("nobody");
     }
     assert_eq!(channel.turned_away(), Some("\"uniform\" has not the token of this run"));
-    let (code, _, said) = end(solver);
+    let (code, _, said) = solver.end();
     assert!(code == Some(1) && said.contains("with this token"), "{said}");
     assert!(said.contains("VOIDAGE_TOKEN"), "{said}");
 }
@@ -639,7 +639,7 @@ fn a_solver_in_c_with_another_token_is_turned_away_and_both_say_why() {
 #[test]
 fn a_run_reads_why_a_solver_in_c_cannot_go_on() {
     let (program, _folder) = program("examples/uniform.c", &[]);
-    let (mut fluid, solver) = attach(&program, "").expect("a solver in C");
+    let (mut fluid, solver) = attach(&program, "");
     let mut joined = mesh();
     joined.join_sides([true, false]).expect("sides that fit");
     let error = fluid.set_mesh(&joined, 1, &fields(&joined)).expect_err("a mesh that it does not know");
@@ -648,5 +648,5 @@ fn a_run_reads_why_a_solver_in_c_cannot_go_on() {
         said.contains("uniform") && said.contains("it reports: this solver knows no periodic sides"),
         "{said}"
     );
-    assert_eq!(end(solver).0, Some(1));
+    assert_eq!(solver.end().0, Some(1));
 }

@@ -1,6 +1,6 @@
 //! The header `voidage.h` for solvers in C and C++, made from the lists of [`crate::protocol`].
 //!
-//! What does not depend on the lists is in `voidage.h.in`; each `@name@` there is one of the [`parts`].
+//! What does not depend on the lists is in `voidage.h.in`; each `@name@` there is one of the `parts`.
 
 use crate::peer::LONGEST_SETUP;
 use crate::protocol::{
@@ -37,8 +37,8 @@ fn parts() -> Vec<(&'static str, String)> {
         ("closure", CLOSURE.map(|law| format!(" *     {}\n", law.replace(", ", ",\n *     "))).concat()),
         ("points", columns(&POINTS, "rows", "    ")),
         ("point_scalar", columns(&POINT_SCALAR, "rows", "        ")),
-        ("mesh", MESH.iter().map(|block| block_member(block)).collect()),
-        ("step", STEP.iter().map(|block| block_member(block)).collect()),
+        ("mesh", MESH.iter().map(block_member).collect()),
+        ("step", STEP.iter().map(block_member).collect()),
         ("balance", entries(&BALANCE)),
         ("balance_numbers", sum(BALANCE.iter().map(|entry| entry.width), "(dimension)", "(scalars)")),
         ("body", entries(&BODY)),
