@@ -1,6 +1,7 @@
 //! Fluid solvers in C: the header is that of the protocol, the example computes what the same solver in Rust does, what
 //! C reads is what was sent, and what is no frame is an error that says so.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -84,6 +85,25 @@ fn the_header_and_the_example_are_c_plus_plus_too() {
             }
             Err(error) => panic!("{error}"),
         }
+    }
+}
+
+/// In the root of the repository, as pages say.
+#[test]
+fn the_command_that_pages_show_compiles_the_example() {
+    let root = folder().join("../..");
+    let place = tempfile::tempdir().expect("a folder");
+    for page in ["coupling/README.md", "coupling/remote/examples/uniform.c"] {
+        let text = std::fs::read_to_string(root.join(page)).expect("a page");
+        let mut lines = text.lines().map(|line| line.trim_start_matches([' ', '*']));
+        let command = lines.find(|line| line.starts_with("cc ")).expect("a command");
+        let mut words = command.split(' ');
+        let mut compiler = Command::new(words.next().expect("a compiler"));
+        let to = place.path().join("uniform");
+        let words = words.map(|word| if word == "uniform" { to.as_os_str() } else { OsStr::new(word) });
+        let status = compiler.args(words).current_dir(&root).status().expect("a C compiler");
+        assert!(status.success() && to.exists(), "{page}: {command}");
+        std::fs::remove_file(&to).expect("the solver");
     }
 }
 
