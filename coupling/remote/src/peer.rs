@@ -13,7 +13,7 @@ use voidage_coupling::error::{Notice, PeerError};
 const LINGER: Duration = Duration::from_secs(1);
 
 /// Longest payload of the setup of a run, numbers.
-const LONGEST_SETUP: usize = 1 << 23;
+pub(crate) const LONGEST_SETUP: usize = 1 << 23;
 
 /// Time between two signs of life while a request is being answered.
 const BEAT: Duration = Duration::from_millis(200);

@@ -12,7 +12,7 @@ use voidage_fluid::flow::State;
 use voidage_fluid::points::{PointScalar, Points};
 
 /// Rows are padded to a multiple of this, so that every column starts at a cache line.
-pub(super) const PAD: usize = 8;
+pub(crate) const PAD: usize = 8;
 
 /// A column of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +23,8 @@ pub struct Column {
     pub unit: &'static str,
     /// Whether a row is a vector.
     pub vector: bool,
+    /// Whether its numbers are whole: those of cells of the mesh.
+    pub whole: bool,
 }
 
 /// A column as the hello describes it.
@@ -38,11 +40,15 @@ pub struct Described {
 
 impl Column {
     const fn number(name: &'static str, unit: &'static str) -> Self {
-        Self { name, unit, vector: false }
+        Self { name, unit, vector: false, whole: false }
     }
 
     const fn vector(name: &'static str, unit: &'static str) -> Self {
-        Self { name, unit, vector: true }
+        Self { name, unit, vector: true, whole: false }
+    }
+
+    const fn whole(name: &'static str) -> Self {
+        Self { name, unit: "1", vector: false, whole: true }
     }
 
     /// Numbers per row.
@@ -58,7 +64,7 @@ impl Column {
 
 /// Columns of point terms.
 pub const POINTS: [Column; 8] = [
-    Column::number("cell", "1"),
+    Column::whole("cell"),
     Column::vector("coordinate", "1"),
     Column::number("volume", "m^D"),
     Column::number("drag", "kg/s"),

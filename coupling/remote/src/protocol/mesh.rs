@@ -1,9 +1,9 @@
 //! The frames of meshes and nodal fields.
 
+use super::blocks::{MESH, lay};
 use super::columns::{FIELD_SCALAR, FIELDS, Table, TableLayout, wrong};
 use super::text::{numbers_for_text, write_text};
 use super::{Header, JOINED, Kind, read_text};
-use std::ops::Range;
 use voidage_coupling::error::PeerError;
 use voidage_fluid::flow::State;
 use voidage_fluid::mesh::{Boundary, Periodic};
@@ -62,38 +62,6 @@ pub fn read_state<const D: usize>(
     Ok(fields)
 }
 
-/// Places in the payload of a mesh: nodes, nodes of cells, nodes of facets, cells behind facets; where sides are one
-/// the lengths of the period and the master of every node. Numbers of nodes and cells are whole numbers of 8 bytes like
-/// all others.
-struct MeshLayout {
-    points: Range<usize>,
-    cells: Range<usize>,
-    facets: Range<usize>,
-    behind: Range<usize>,
-    period: Range<usize>,
-    masters: Range<usize>,
-}
-
-impl MeshLayout {
-    fn of(header: &Header, dimension: usize) -> Self {
-        let points = header.rows as usize * dimension;
-        let cells = points + header.cells as usize * (dimension + 1);
-        let facets = cells + header.facets as usize * dimension;
-        let behind = facets + header.facets as usize;
-        let joined = usize::from(header.flags & JOINED != 0);
-        let period = behind + joined * dimension;
-        let masters = period + joined * header.rows as usize;
-        Self {
-            points: 0..points,
-            cells: points..cells,
-            facets: cells..facets,
-            behind: facets..behind,
-            period: behind..period,
-            masters: period..masters,
-        }
-    }
-}
-
 /// A mesh with accepted fields. The text names the parts of the boundary with their number of facets, in order.
 pub struct MeshMessage<'a, const D: usize> {
     mesh: &'a Mesh<D>,
@@ -120,7 +88,8 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
     }
 
     fn place(&self) -> TableLayout {
-        TableLayout::of(self.fields, MeshLayout::of(&self.counts(), D).masters.end)
+        let [.., masters] = lay(&MESH, &self.counts(), D, 0);
+        TableLayout::of(self.fields, masters.end)
     }
 
     /// Its header.
@@ -135,18 +104,18 @@ impl<'a, const D: usize> MeshMessage<'a, D> {
 
     /// Writes the payload.
     pub fn write(&self, payload: &mut [f64]) {
-        let places = MeshLayout::of(&self.counts(), D);
+        let [places, corners, sides, behind, period, masters] = lay(&MESH, &self.counts(), D, 0);
         let points = self.mesh.points.iter().flat_map(|point| point.iter().copied());
-        payload[places.points].iter_mut().zip(points).for_each(|(to, from)| *to = from);
+        payload[places].iter_mut().zip(points).for_each(|(to, from)| *to = from);
         let parts = &self.mesh.boundaries;
-        put_numbers(&mut payload[places.cells], self.mesh.cells.iter());
-        put_numbers(&mut payload[places.facets], parts.iter().flat_map(|part| &part.facets));
-        put_numbers(&mut payload[places.behind], parts.iter().flat_map(|part| &part.cells));
+        put_numbers(&mut payload[corners], self.mesh.cells.iter());
+        put_numbers(&mut payload[sides], parts.iter().flat_map(|part| &part.facets));
+        put_numbers(&mut payload[behind], parts.iter().flat_map(|part| &part.cells));
         let periodic = &self.mesh.periodic;
-        let period = payload[places.period].iter_mut().zip(periodic.period());
+        let period = payload[period].iter_mut().zip(periodic.period());
         period.for_each(|(to, length)| *to = *length);
         let nodes = 0..self.mesh.points.len() as u32;
-        let masters = payload[places.masters].iter_mut().zip(nodes);
+        let masters = payload[masters].iter_mut().zip(nodes);
         masters.for_each(|(to, node)| *to = f64::from(periodic.master(node)));
         self.place().write(self.fields, payload);
         write_text(&self.parts, payload);
@@ -179,18 +148,18 @@ pub fn read_mesh<const D: usize>(header: &Header, payload: &[f64]) -> Result<(Me
     if header.rows > limit || header.cells > limit || header.facets > limit {
         return wrong(format!("a mesh of {} nodes in {limit} numbers", header.rows));
     }
-    let places = MeshLayout::of(header, D);
+    let [places, corners, sides, behind, period, masters] = lay(&MESH, header, D, 0);
     let mut fields = State::default();
-    fields_at(header, payload, places.masters.end, &mut fields)?;
-    let points = payload[places.points].chunks_exact(D).map(Vector::from_column_slice).collect();
-    let cells = numbers(&payload[places.cells], header.rows, "node")?;
-    let facets = numbers(&payload[places.facets], header.rows, "node")?;
-    let behind = numbers(&payload[places.behind], header.cells, "cell")?;
-    let periodic = match places.masters.is_empty() {
+    fields_at(header, payload, masters.end, &mut fields)?;
+    let points = payload[places].chunks_exact(D).map(Vector::from_column_slice).collect();
+    let cells = numbers(&payload[corners], header.rows, "node")?;
+    let facets = numbers(&payload[sides], header.rows, "node")?;
+    let behind = numbers(&payload[behind], header.cells, "cell")?;
+    let periodic = match masters.is_empty() {
         true => Periodic::default(),
         false => {
-            let period = Vector::from_column_slice(&payload[places.period]);
-            let masters = numbers(&payload[places.masters], header.rows, "master")?;
+            let period = Vector::from_column_slice(&payload[period]);
+            let masters = numbers(&payload[masters], header.rows, "master")?;
             Periodic::new(period, masters).or_else(|error| wrong(error.to_string()))?
         }
     };

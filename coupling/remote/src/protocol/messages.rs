@@ -3,6 +3,7 @@
 //! A message knows its header and length, so that the payload can be borrowed from shared memory, and then writes
 //! itself there.
 
+use super::blocks::{BALANCE, BODY, REPORT, STEP, lay, width};
 use super::columns::{PAD, POINT_SCALAR, POINTS, Table, TableLayout, wrong};
 use super::mesh::fields_at;
 use super::text::{numbers_for_text, write_text};
@@ -21,51 +22,52 @@ use voidage_fluid::flow::Report;
 /// What a step brings.
 pub struct StepMessage<'a, const D: usize> {
     step: &'a FluidStep<'a, D>,
-    points: Option<(TableLayout, Range<usize>)>,
-    source: Option<Range<usize>>,
-    motion: Option<MotionLayout>,
-    /// The end of all of them.
-    end: usize,
+    points: Option<TableLayout>,
     conditions: String,
 }
 
 impl<'a, const D: usize> StepMessage<'a, D> {
     /// A step; `conditions` is their text if they must travel, else empty.
     pub fn new(step: &'a FluidStep<'a, D>, conditions: String) -> Self {
-        let points = step.immersed.map(|immersed| {
-            let place = TableLayout::of(immersed.points, 0);
-            (place, place.end()..place.end() + immersed.voidage.len())
-        });
-        let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
-        let source = step.immersed.and_then(|immersed| immersed.source).map(|source| end..end + source.len());
-        let end = source.as_ref().map_or(end, |source| source.end);
-        let motion = step.motion.map(|motion| MotionLayout::new(D, motion.points.len(), end));
-        let end = motion.as_ref().map_or(end, |places| places.velocity.end);
-        Self { step, points, source, motion, end, conditions }
+        let points = step.immersed.map(|immersed| TableLayout::of(immersed.points, 0));
+        Self { step, points, conditions }
+    }
+
+    /// Flags and counts.
+    fn counts(&self) -> Header {
+        let FluidStep { immersed, motion, .. } = self.step;
+        let flag = |there: bool, flag: u32| if there { flag } else { 0 };
+        let source = immersed.is_some_and(|immersed| immersed.source.is_some());
+        let moving = motion.map_or(0, |motion| motion.points.len());
+        let voidage = immersed.map_or(0, |immersed| immersed.voidage.len());
+        Header {
+            nodes: moving.max(voidage) as u64,
+            flags: flag(motion.is_some(), MOVES) | flag(immersed.is_some(), IMMERSED) | flag(source, APPEARS),
+            ..Header::new(Kind::Step)
+        }
+    }
+
+    /// Where what is behind the points lies.
+    fn blocks(&self) -> [Range<usize>; STEP.len()] {
+        lay(&STEP, &self.counts(), D, self.points.map_or(0, |place| place.end()))
     }
 
     /// Its header; `accept` accepts the solution before, `iteration` counts the solutions of this step.
     pub fn header(&self, accept: bool, iteration: u32) -> Header {
-        let moving = self.step.motion.map_or(0, |motion| motion.points.len());
-        let voidage = self.points.as_ref().map_or(0, |(_, voidage)| voidage.len());
-        let flag = |there: bool, flag: u32| if there { flag } else { 0 };
-        let flags = flag(accept, ACCEPT)
-            | flag(self.motion.is_some(), MOVES)
-            | flag(self.points.is_some(), IMMERSED)
-            | flag(self.source.is_some(), APPEARS);
+        let [.., last] = self.blocks();
+        let counts = self.counts();
         let header = Header {
-            nodes: moving.max(voidage) as u64,
-            flags,
+            flags: counts.flags | if accept { ACCEPT } else { 0 },
             step: self.step.number,
             iteration,
             time: self.step.time,
             dt: self.step.dt,
             text: self.conditions.len() as u64,
-            length: (self.end + numbers_for_text(&self.conditions)) as u64,
-            ..Header::new(Kind::Step)
+            length: (last.end + numbers_for_text(&self.conditions)) as u64,
+            ..counts
         };
         match (&self.points, self.step.immersed) {
-            (Some((place, _)), Some(immersed)) => place.describe(immersed.points.scalars(), header),
+            (Some(place), Some(immersed)) => place.describe(immersed.points.scalars(), header),
             _ => header,
         }
     }
@@ -73,15 +75,14 @@ impl<'a, const D: usize> StepMessage<'a, D> {
     /// Writes the payload.
     pub fn write(&self, payload: &mut [f64]) {
         write_text(&self.conditions, payload);
-        if let Some((places, motion)) = self.motion.as_ref().zip(self.step.motion.as_ref()) {
-            places.write(motion, payload);
+        let [voidage, source, points, velocity] = self.blocks();
+        if let Some(motion) = &self.step.motion {
+            MotionLayout { points, velocity }.write(motion, payload);
         }
-        if let (Some((place, voidage)), Some(immersed)) = (&self.points, self.step.immersed) {
+        if let (Some(place), Some(immersed)) = (&self.points, self.step.immersed) {
             place.write(immersed.points, payload);
-            payload[voidage.clone()].copy_from_slice(immersed.voidage);
-            if let Some((place, source)) = self.source.clone().zip(immersed.source) {
-                payload[place].copy_from_slice(source);
-            }
+            payload[voidage].copy_from_slice(immersed.voidage);
+            payload[source].copy_from_slice(immersed.source.unwrap_or_default());
         }
     }
 }
@@ -103,23 +104,25 @@ pub struct StepLayout<const D: usize> {
 /// # Errors
 /// Columns do not fit, the conditions cannot be read.
 pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<StepLayout<D>, PeerError> {
-    let mut points = None;
-    if header.immerses() {
-        let place = TableLayout::read(header, (&POINTS, &POINT_SCALAR), D, 0)?;
-        let end = (place.end() as u64).saturating_add(header.nodes);
-        if end > header.length {
-            return wrong(format!("points and voidage up to {end} in {} numbers", header.length));
+    let points = match header.immerses() {
+        true => Some(TableLayout::read(header, (&POINTS, &POINT_SCALAR), D, 0)?),
+        false => None,
+    };
+    let blocks = lay(&STEP, header, D, points.map_or(0, |place| place.end()));
+    for (range, block) in blocks.iter().zip(&STEP) {
+        if range.end as u64 > header.length {
+            let (name, end, length) = (block.entry.name, range.end, header.length);
+            return wrong(format!("the {name} of a step up to {end} in {length} numbers"));
         }
-        points = Some((place, place.end()..end as usize));
     }
-    let end = points.as_ref().map_or(0, |(_, voidage)| voidage.end);
-    let source = header.appears().then(|| end..end.saturating_add(header.nodes as usize));
-    let end = source.as_ref().map_or(end, |source| source.end);
-    if end as u64 > header.length || (source.is_some() && points.is_none()) {
-        return wrong(format!("a source of mass up to {end} in {} numbers", header.length));
+    let [voidage, source, places, velocity] = blocks;
+    let source = header.appears().then_some(source);
+    if source.is_some() && points.is_none() {
+        return wrong("a source of mass without grains".into());
     }
-    let motion = MotionLayout::of(header, D, end)?;
-    let end = motion.as_ref().map_or(end, |places| places.velocity.end);
+    let end = velocity.end;
+    let points = points.map(|place| (place, voidage));
+    let motion = header.moves().then_some(MotionLayout { points: places, velocity });
     let text = read_text(header, payload)?;
     if end + numbers_for_text(&text) > payload.len() {
         return wrong("columns and text of a step overlap".into());
@@ -135,17 +138,14 @@ pub fn read_step<const D: usize>(header: &Header, payload: &[f64]) -> Result<Ste
 
 // -------------------------------------------------------------------------------------------- solution
 
-/// Numbers of a report.
-const REPORT: usize = 6;
-
 /// Numbers of the balance of a part of the boundary.
 fn numbers_of_balance(dimension: usize, scalars: usize) -> usize {
-    1 + dimension + moments(dimension) + 2 * scalars
+    width(&BALANCE, dimension, scalars)
 }
 
 /// Numbers that answer for a body: its velocity and its vapour.
 fn numbers_of_body(dimension: usize) -> usize {
-    dimension + 1
+    width(&BODY, dimension, 0)
 }
 
 /// The longest payload of a solution for a mesh of `nodes` nodes, with `scalars` scalars and so many parts of the
@@ -153,7 +153,7 @@ fn numbers_of_body(dimension: usize) -> usize {
 pub fn longest_solution(dimension: usize, (nodes, scalars, parts): (usize, usize, usize)) -> usize {
     let columns = dimension + 1 + scalars;
     let of_part = numbers_of_balance(dimension, scalars) + numbers_of_body(dimension);
-    nodes.next_multiple_of(PAD) * columns + parts * of_part + REPORT
+    nodes.next_multiple_of(PAD) * columns + parts * of_part + REPORT.len()
 }
 
 /// The answer of the fluid: fields, the balances of the parts of the boundary, the bodies, and the report behind them.
@@ -173,7 +173,7 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
         let Solution { fields, balances, bodies, .. } = self.solution;
         let numbers =
             balances.len() * numbers_of_balance(D, fields.scalars.len()) + bodies.len() * numbers_of_body(D);
-        let length = (self.layout.end() + numbers + REPORT) as u64;
+        let length = (self.layout.end() + numbers + REPORT.len()) as u64;
         let header = Header { parts: balances.len() as u64, length, ..Header::new(Kind::Solution) };
         self.layout.describe(fields.scalars(), header)
     }
@@ -190,7 +190,7 @@ impl<'a, const D: usize> SolutionMessage<'a, D> {
         let bodies =
             bodies.flat_map(|body| body.velocity.iter().copied().chain(std::iter::once(body.vapour)));
         let report = &self.solution.report;
-        let report = [
+        let report: [f64; REPORT.len()] = [
             report.flow_iterations as f64,
             report.scalar_iterations as f64,
             report.residual,
@@ -226,8 +226,9 @@ pub fn read_solution<const D: usize>(
     let width = numbers_of_balance(D, scalars);
     let end = place.end() + header.parts as usize * width;
     // Between the balances and the report, which is the end, lie the bodies.
-    let rest =
-        (header.length as usize).checked_sub(end + REPORT).filter(|_| payload.len() as u64 >= header.length);
+    let rest = (header.length as usize)
+        .checked_sub(end + REPORT.len())
+        .filter(|_| payload.len() as u64 >= header.length);
     let Some(bodies) = rest.filter(|rest| rest % numbers_of_body(D) == 0) else {
         return wrong("a solution without report".into());
     };

@@ -17,6 +17,7 @@
 //! before it. Only the columns that a scene needs travel, and places and velocities of the nodes only if the mesh
 //! moves. All quantities are in SI units.
 
+mod blocks;
 mod columns;
 mod header;
 mod mesh;
@@ -26,11 +27,16 @@ mod motion;
 mod tests;
 mod text;
 
+pub use blocks::{BALANCE, BODY, Block, Count, Entry, MESH, REPORT, STEP, Width};
+pub(crate) use columns::PAD;
 pub use columns::{
     Column, Described, FIELD_SCALAR, FIELDS, POINT_SCALAR, POINTS, Table, TableLayout, Values, ValuesMut,
 };
-pub use header::{ACCEPT, APPEARS, HEADER_BYTES, Header, IMMERSED, JOINED, Kind, MAGIC, MOVES, VERSION};
+pub use header::{
+    ACCEPT, APPEARS, FLAGS, Field, HEADER_BYTES, Header, IMMERSED, JOINED, Kind, Listed, MAGIC, MOVES,
+    VERSION,
+};
 pub use mesh::{MeshMessage, StateMessage, read_mesh, read_state};
 pub use messages::{SolutionMessage, StepLayout, StepMessage, longest_solution, read_solution, read_step};
 pub use motion::MotionLayout;
-pub use text::{Greeting, Setup, dimension, numbers_for_text, read_text, write_text};
+pub use text::{CLOSURE, Greeting, Setup, dimension, numbers_for_text, read_text, write_text};

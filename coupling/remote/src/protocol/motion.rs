@@ -1,9 +1,6 @@
 //! The motion of the mesh, behind the columns and pieces of a step.
 
-use super::Header;
-use super::columns::wrong;
 use std::ops::Range;
-use voidage_coupling::error::PeerError;
 use voidage_fluid::{MeshMotion, Vector};
 
 /// Places in the payload of a step in which the mesh moves.
@@ -16,31 +13,6 @@ pub struct MotionLayout {
 }
 
 impl MotionLayout {
-    /// From `start` on: the motion of so many nodes.
-    pub fn new(dimension: usize, nodes: usize, start: usize) -> Self {
-        let middle = start + nodes * dimension;
-        Self { points: start..middle, velocity: middle..middle + nodes * dimension }
-    }
-
-    /// As a header says; `None` if the mesh stands still.
-    ///
-    /// # Errors
-    /// They do not fit the payload.
-    pub fn of(header: &Header, dimension: usize, start: usize) -> Result<Option<Self>, PeerError> {
-        if !header.moves() {
-            return Ok(None);
-        }
-        let (nodes, limit) = (header.nodes, header.length);
-        if nodes > limit {
-            return wrong(format!("the motion of {nodes} nodes in {limit} numbers"));
-        }
-        let places = Self::new(dimension, nodes as usize, start);
-        if places.velocity.end as u64 > limit {
-            return wrong(format!("the motion of the mesh up to {} in {limit} numbers", places.velocity.end));
-        }
-        Ok(Some(places))
-    }
-
     /// Writes a motion.
     pub fn write<const D: usize>(&self, motion: &MeshMotion<'_, D>, payload: &mut [f64]) {
         let parts = [(&self.points, motion.points), (&self.velocity, motion.velocity)];

@@ -71,6 +71,13 @@ impl Greeting {
     }
 }
 
+/// The law of the velocity that a point will have, and of the scalars, in terms of the columns.
+pub const CLOSURE: [&str; 2] = [
+    "velocity + mobility * (drag * u - volume * grad(p)), \
+     in the equation of mass flux_velocity + flux_mobility * (drag * u - volume * grad(p))",
+    "value + mobility * coefficient * s",
+];
+
 /// What the grains tell once: all that does not change from step to step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setup<const D: usize> {
@@ -82,7 +89,7 @@ pub struct Setup<const D: usize> {
     pub dimension: usize,
     /// Columns of the points of a step, in the order in which they lie; the last three again for every scalar.
     pub columns: Vec<Described>,
-    /// The law of the velocity that a point will have, and of the scalars, in terms of the columns.
+    /// [`CLOSURE`].
     pub closure: [String; 2],
     /// Properties, scalars, numerics and conditions.
     #[serde(flatten)]
@@ -97,12 +104,7 @@ impl<const D: usize> Setup<D> {
             units: "SI".into(),
             dimension: D,
             columns: POINTS.iter().chain(&POINT_SCALAR).map(|column| column.described(D)).collect(),
-            closure: [
-                "velocity + mobility * (drag * u - volume * grad(p)), \
-                 in the equation of mass flux_velocity + flux_mobility * (drag * u - volume * grad(p))"
-                    .into(),
-                "value + mobility * coefficient * s".into(),
-            ],
+            closure: CLOSURE.map(str::to_owned),
             model,
         }
     }
