@@ -7,6 +7,7 @@ divided among them.
 import numpy as np
 import petsc4py
 import scipy.sparse as sp
+from mpi4py import MPI  # noqa: F401 before PETSc, which in some builds takes the library of MPI that this loads
 
 petsc4py.init(["voidage", "-no_signal_handler"])  # else PETSc turns a closed pipe into MPI_Abort
 
@@ -81,6 +82,27 @@ class Coefficients:
         for name, of_all in values.items():
             field, place = self.fields[name]
             field.x.array[:] = of_all[place].ravel()
+
+
+class Load:
+    """Nodal values of a linear form."""
+
+    def __init__(self, layout: Layout, form: ufl.Form):
+        self.layout, self.form = layout, fem.form(form)
+        self.vector = petsc.assemble_vector(self.form)
+
+    def assemble(self) -> Floats:
+        """Those of all nodes of the problem, (n, c)."""
+        assemble(self.vector, self.form)
+        return self.layout.gather(self.vector.array.reshape(-1, self.vector.block_size))
+
+
+def assemble(vector: PETSc.Vec, form) -> None:
+    """Gives a vector the values of a compiled linear form."""
+    with vector.localForm() as local:
+        local.set(0)
+    petsc.assemble_vector(vector, form)
+    vector.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
 
 
 class Linear:
@@ -159,10 +181,7 @@ class Linear:
         A.zeroEntries()
         petsc.assemble_matrix(A, self.matrix_form)
         A.assemble()
-        with b.localForm() as local:
-            local.set(0)
-        petsc.assemble_vector(b, self.rhs_form)
-        b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        assemble(b, self.rhs_form)
         self.matrix = self._join(A, b) if self.sides else A
         self._add(beside.matrix)
         self.matrix.assemble()
