@@ -40,7 +40,7 @@ class FEniCSx(FiniteElements):
     ----------
     linear
         ``direct``: MUMPS with one step of iterative refinement. ``iterative``: GMRES, for the flow
-        with a Schur complement of the velocity, multigrid (hypre) in every block.
+        with a Schur complement of the velocity, multigrid (hypre, or PETSc's own) in every block.
     """
 
     def __init__(self, linear: Literal["direct", "iterative"] = "direct"):

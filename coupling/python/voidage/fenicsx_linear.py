@@ -37,7 +37,7 @@ class Layout:
         self.geometry_node = np.asarray(domain.geometry.input_global_indices)
         self.node = np.empty(dofs.max() + 1, dtype=int)
         """Node of the problem at every dof, the owned ones first."""
-        self.node[dofs] = self.geometry_node[compat.table(domain.geometry.dofmap, local)]
+        self.node[dofs] = self.geometry_node[compat.table(compat.geometry_dofs(domain.geometry), local)]
         self.cell = np.asarray(domain.topology.original_cell_index)[:local]
         """Cell of the problem at every cell, the owned ones first."""
         self.nodes = self.space.dofmap.index_map
@@ -259,7 +259,7 @@ class Linear:
         ksp.setTolerances(rtol=0.5 * self.layout.problem.tolerance, max_it=500)
         ksp.setGMRESRestart(100)
         if self.components == 1:
-            pc.setType("hypre")
+            pc.setType(compat.multigrid())
             return ksp
         pc.setType("fieldsplit")
         start, stop = A.getOwnershipRange()
@@ -278,5 +278,5 @@ class Linear:
         pc.setUp()
         for part in pc.getFieldSplitSubKSP():
             part.setType("preonly")
-            part.getPC().setType("hypre")
+            part.getPC().setType(compat.multigrid())
         return ksp
