@@ -85,8 +85,9 @@ class FEniCSx(FiniteElements):
     def _uniform(self, step: Step) -> Floats:
         old, flow = self.state.velocity, self.flow
         flow.time_step.value = step.dt
-        flow.known.fill(eps=step.voidage, old=old, at=old)
-        found = np.empty_like(old)
+        cells, found = len(self.cells.measure), np.empty_like(old)
+        # Without the stabilisation, w is v.
+        flow.known.fill(eps=step.voidage, old=old, at=old, xi=np.zeros(cells), xi_U=np.zeros((cells, old.shape[1])))
         for i, direction in enumerate(np.eye(1 + old.shape[1])[:-1]):
             flow.known.fill(uniform=np.tile(direction, (len(old), 1)))
             found[:, i] = flow.of_uniform.assemble()[:, i]
@@ -138,8 +139,7 @@ class FlowSystem:
         self.linear = Linear(layout, matrix * dx, rhs * dx, iterative)
         if terms is not None:
             (uniform,) = known.nodal("uniform", components=D + 1)
-            u = ufl.as_vector([uniform[i] for i in range(D)])
-            self.of_uniform = Load(layout, solver.terms(form._replace(u=u, p=uniform[D], w=v)) * dx)
+            self.of_uniform = Load(layout, ufl.replace(terms * dx, {trial: uniform}))
 
 
 class ScalarSystem:
