@@ -5,9 +5,16 @@ divided among them.
 """
 
 import numpy as np
-import petsc4py
 import scipy.sparse as sp
-from mpi4py import MPI  # noqa: F401 before PETSc, which in some builds takes the library of MPI that this loads
+
+from . import interpreter
+
+try:
+    import petsc4py
+except ModuleNotFoundError as error:
+    interpreter.explain(error)
+    raise
+from mpi4py import MPI  # noqa: E402, F401 before PETSc, which in some builds takes the library of MPI that this loads
 
 petsc4py.init(["voidage", "-no_signal_handler"])  # else PETSc turns a closed pipe into MPI_Abort
 
