@@ -2,16 +2,24 @@
 
 import dataclasses
 import importlib
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import voidage
 from test_pages import PYTHON, blocks
 from test_solvers import TRACER, WARM, close, with_scalars
+from voidage import interpreter
 from voidage.points import complete
 from voidage.solver import Condition, Fields, Motion, NoSlip, Open, Outflow, Slip, Step, Velocity
 
 from conftest import SOLVERS, problem, scatter
+
+PACKAGE = Path(voidage.__file__).parents[1]
 
 
 def tools(module: str):
@@ -198,10 +206,16 @@ mesh.rectangle.sides = { left = "sides", right = "sides", bottom = "floor", top 
 """
 
 
+def page_block(name: str) -> str:
+    """The class that the page shows for a solver."""
+    (source,) = (block for block in blocks(PYTHON) if block.startswith(f"# porous_{name}.py"))
+    return source
+
+
 @pytest.mark.parametrize(("name", "needs"), [("fenicsx", "dolfinx"), ("scikit", "skfem")])
 def test_the_slab_of_the_page_has_the_pressure_drop_of_darcy(tmp_path, name, needs):
     pytest.importorskip(needs)
-    (source,) = (block for block in blocks(PYTHON) if block.startswith(f"# porous_{name}.py"))
+    source = page_block(name)
     assert len(source.splitlines()) <= 15
     scene, names = tmp_path / "slab.toml", {}
     scene.write_text(SLAB)
@@ -242,3 +256,40 @@ def test_a_dense_slab_between_the_nodes_holds_as_much_as_its_cells(kind, permeab
         solver.accept()
     darcy = box.viscosity / permeability * 0.5 * 0.2
     assert pressure[np.unique(box.boundaries["y0"])].mean() == pytest.approx(darcy, rel=0.1)
+
+def run_slab(program, folder, **changes):
+    """The program with the slab of the page in FEniCSx, started with this interpreter by default."""
+    (folder / "slab.toml").write_text(SLAB)
+    (folder / "porous_fenicsx.py").write_text(page_block("fenicsx"))
+    command = [program, "run", "slab.toml", "--quiet", "--out", "out", "--fluid", "python:porous_fenicsx.py"]
+    env = os.environ | {"VOIDAGE_PYTHON": sys.executable, "VOIDAGE_PYTHONPATH": str(PACKAGE)} | changes
+    command += ["--set", 'output.pressure_drop={from="floor",to="top"}']
+    return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
+
+
+def test_a_file_that_needs_fenicsx_goes_on_in_the_python_that_has_it(program, tmp_path):
+    """From any interpreter; that of Debian is where FEniCSx is if it is not here."""
+    if importlib.util.find_spec("dolfinx") is None and not interpreter.has_fenicsx("/usr/bin/python3"):
+        pytest.skip("there is no FEniCSx")
+    done = run_slab(program, tmp_path)
+    assert done.returncode == 0, done.stderr
+    header, *rows = (tmp_path / "out" / "series.csv").read_text().splitlines()
+    drop = float(rows[-1].split(",")[header.split(",").index("pressure_drop_Pa")])
+    assert drop == pytest.approx(20.0, rel=1e-10)
+
+
+def test_where_no_python_has_fenicsx_the_variable_is_named(tmp_path):
+    if importlib.util.find_spec("dolfinx") is not None:
+        pytest.skip("this interpreter has it")
+    for source in ("import petsc4py", "from voidage.fenicsx import FEniCSx"):
+        (tmp_path / "needs.py").write_text(source + "\n")
+        command = [sys.executable, "-m", "voidage.adapter", "needs.py", "--connect", "tcp:127.0.0.1:1"]
+        for other in ([], ["--or-python", "/no/python"], ["--or-python", sys.executable]):
+            env = os.environ | {"PYTHONPATH": str(PACKAGE)}
+            done = subprocess.run(
+                [*command, *other], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+            )
+            assert done.returncode == 1
+            assert "No module named 'petsc4py'" in done.stderr
+            assert done.stderr.count("VOIDAGE_PYTHON") == 1
+            assert sys.executable in done.stderr
