@@ -31,6 +31,7 @@ pub fn command(options: &Options, folder: &Path) -> String {
     option("--fluid", options.fluid.clone());
     option("--transport", options.process.transport.clone());
     option("--timeout", options.process.timeout.map(|seconds| seconds.to_string()));
+    option("--ranks", options.process.ranks.map(|ranks| ranks.to_string()));
     option("--threads", options.threads.map(|threads| threads.to_string()));
     option("--restart", Some(folder.join(CHECKPOINT).display().to_string()));
     let plain = |c: char| c.is_alphanumeric() || "-_./=+,:@%".contains(c);

@@ -15,7 +15,7 @@ use voidage_campaign::process::start_threads;
 use voidage_campaign::progress::{News, Progress};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Notice, Result, StepReport};
-use voidage_remote::launch::Host;
+use voidage_remote::launch::{Host, check_ranks};
 use voidage_scene::Scene;
 use voidage_scene::compare::{Difference, Finding};
 use voidage_scene::recorder::create_folder;
@@ -96,7 +96,16 @@ pub fn compare(options: &Options) -> Result<u8> {
     if options.fluids.len() < 2 {
         return Err(Error::input("--fluids: give at least two, separated by commas"));
     }
+    if options.process.ranks.is_some() && !options.fluids.iter().any(|name| name == "fenicsx") {
+        let notice =
+            Notice::new("--ranks: none of the --fluids is fenicsx", "take it away, or compare with fenicsx");
+        return Err(Error::input(notice));
+    }
     let candidates = candidates(options, &folder)?;
+    candidates
+        .iter()
+        .filter_map(|one| one.scene.fluid.as_ref()?.backend.as_ref())
+        .try_for_each(check_ranks)?;
     start_threads(options.threads)?;
     create_folder(&folder)?;
     let findings = same_states(options, &candidates)?;

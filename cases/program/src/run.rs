@@ -15,7 +15,7 @@ use voidage_campaign::progress::{News, Progress, duration};
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::{Error, Notice, Result};
 use voidage_dem::Rounded;
-use voidage_remote::launch::{Host, check_door};
+use voidage_remote::launch::{Host, check_door, check_ranks};
 use voidage_remote::token::{TOKEN_VARIABLE, Token};
 use voidage_scene::Simulation;
 use voidage_scene::probes::check_probes;
@@ -71,6 +71,9 @@ pub struct Process {
     /// Longest time without a sign of life from the process of a fluid solver, s.
     #[arg(long, value_name = "S")]
     pub timeout: Option<f64>,
+    /// Number of processes among which mpirun divides the fluid solver fenicsx.
+    #[arg(long, value_name = "N")]
+    pub ranks: Option<usize>,
     /// What a fluid solver that is started by hand (attach:tcp:..) must greet with; other processes of this machine see
     /// arguments, but not the variable.
     #[arg(long, env = TOKEN_VARIABLE, hide_env_values = true, value_name = "WORD")]
@@ -90,6 +93,7 @@ impl Process {
         let mut sets: Vec<String> = solver.iter().map(Solver::setting).collect();
         sets.extend(self.transport.iter().map(|transport| format!("fluid.backend.transport={transport:?}")));
         sets.extend(self.timeout.map(|seconds| format!("fluid.backend.timeout={seconds:?}")));
+        sets.extend(self.ranks.map(|ranks| format!("fluid.backend.ranks={ranks}")));
         Ok(sets)
     }
 
@@ -99,7 +103,8 @@ impl Process {
         let here = matches!(solver, Solver::Rust);
         let mut sets = if here { vec!["fluid.backend={}".to_owned()] } else { vec![] };
         let transport = self.transport.clone().filter(|_| !here && !matches!(solver, Solver::Attach(_)));
-        let own = Self { transport, timeout: self.timeout.filter(|_| !here), token: None };
+        let ranks = self.ranks.filter(|_| matches!(solver, Solver::Fenicsx));
+        let own = Self { transport, timeout: self.timeout.filter(|_| !here), ranks, token: None };
         sets.extend(own.sets(Some(fluid))?);
         Ok(sets)
     }
@@ -217,7 +222,7 @@ impl Run {
         };
         let host = options.process.host(folder.join("solver.log"));
         let backend = scene.fluid.as_ref().and_then(|fluid| fluid.backend.as_ref());
-        backend.map_or(Ok(()), |backend| check_door(backend, &host))?;
+        backend.map_or(Ok(()), |backend| check_door(backend, &host).and_then(|()| check_ranks(backend)))?;
         let mut changes = vec![];
         let mut beds = vec![];
         let until_step;

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from . import interpreter
 from . import solver as data
 from ._voidage import Peer
 from .solver import (
@@ -335,15 +336,22 @@ def serve(
     wait: float = 60.0,
     alone: bool = False,
     token: str | None = None,
+    ranks: int | None = None,
 ) -> None:
     """Serves the run at an address with a solver, until the run says goodbye.
 
     ``make`` makes the solver; ``wait`` is how long the run may take to be there, s; ``token`` is
     what the run asks for (without one that of the environment, VOIDAGE_TOKEN). Raises RuntimeError
     if the run is gone. If this process is there for the solver ``alone``, it ends when the run is
-    gone in the middle of a step.
+    gone in the middle of a step. ``ranks`` is how many processes share the solver, if that is known.
     """
     solver, communicator = make(), _communicator()
+    size = 1 if communicator is None else communicator.size
+    if ranks not in (None, size):
+        raise RuntimeError(
+            f"{ranks} ranks were asked for, and MPI knows of {size}: the mpirun that started them is of another "
+            f"MPI than the mpi4py of {sys.executable}\n  help: put the mpirun of that MPI beside this Python, or first on PATH"
+        )
     first = communicator is None or communicator.rank == 0
     peer = setup = None
     try:
@@ -399,6 +407,18 @@ def find(name: str) -> type:
     return found[0]
 
 
+def _find(given: argparse.Namespace, words: list[str]) -> type:
+    """The class of the command line, here or, where FEniCSx is missing here, in the other interpreter."""
+    try:
+        return find(given.solver)
+    except ModuleNotFoundError as error:
+        if interpreter.lacks_fenicsx(error) and given.or_python and interpreter.has_fenicsx(given.or_python):
+            # It has none to go on to in its turn.
+            interpreter.take_over(given.or_python, "voidage.adapter", [*words, "--or-python", ""])
+        interpreter.explain(error)
+        raise
+
+
 def _option(text: str) -> tuple[str, Any]:
     key, sign, value = text.partition("=")
     if not (sign and key.isidentifier()):
@@ -441,14 +461,29 @@ def main(solver: type | None = None, arguments: Sequence[str] | None = None) -> 
         metavar="KEY=VALUE",
         help="an argument of the class",
     )
-    given = parser.parse_args(arguments)
+    parser.add_argument(
+        "--ranks",
+        type=int,
+        metavar="N",
+        help="how many processes mpirun was to start; it is an error if MPI knows of another number",
+    )
+    if solver is None:
+        parser.add_argument(
+            "--or-python",
+            metavar="PYTHON",
+            help="the interpreter that goes on where this one lacks FEniCSx and MODULE needs it",
+        )
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = parser.parse_args(words)
     try:
+        made = solver or _find(given, words)
         serve(
-            lambda: (solver or find(given.solver))(**dict(given.option)),
+            lambda: made(**dict(given.option)),
             given.connect,
             given.wait,
             alone=True,
             token=given.token,
+            ranks=given.ranks,
         )
     except RuntimeError as error:
         print(f"voidage.adapter: {error}", file=sys.stderr)

@@ -1,6 +1,14 @@
 """The only place that knows which dolfinx is there.
 
-Run with 0.5.2 (Debian 12); the names of later versions stand beside.
+The tests run with 0.5.2 (Debian 12) and 0.11.0. What differs among the versions from 0.5.2 to 0.11 in the
+calls of this package:
+
+- 0.7: ``fem.functionspace`` makes all spaces, ``VectorFunctionSpace`` is gone; elements of meshes come from
+  ``basix.ufl``; tables of dofs are arrays, no adjacency lists.
+- 0.10: ``mesh.create_mesh`` takes the element before the points.
+- 0.11: the geometry has a list ``dofmaps``, and warns of ``dofmap``; until 0.10 ``dofmaps`` is a method, or is
+  not there.
+- Builds of PETSc: indices of 32 or of 64 bits (``PETSc.IntType``), with or without hypre.
 """
 
 import inspect
@@ -8,6 +16,7 @@ import inspect
 import numpy as np
 import ufl
 from dolfinx import fem, mesh
+from petsc4py import PETSc
 
 from .solver import Floats, Integers
 
@@ -37,6 +46,17 @@ def space(domain, family: str, degree: int, components: int = 0):
     if components:
         return fem.VectorFunctionSpace(domain, (family, degree), dim=components)
     return fem.FunctionSpace(domain, (family, degree))
+
+
+def geometry_dofs(geometry):
+    """Nodes of every local cell in the numbers of the geometry."""
+    dofmaps = getattr(geometry, "dofmaps", None)
+    return geometry.dofmap if dofmaps is None or callable(dofmaps) else dofmaps[0]
+
+
+def multigrid() -> str:
+    """PETSc's name of an algebraic multigrid that this build has."""
+    return "hypre" if PETSc.Sys.hasExternalPackage("hypre") else "gamg"
 
 
 def table(adjacency, cells: int) -> Integers:

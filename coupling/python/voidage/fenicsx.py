@@ -16,14 +16,15 @@ first, with u_n. The terms of the points come from :mod:`voidage.points`, those 
 from typing import Literal
 
 # fenicsx_linear starts PETSc, so it comes before dolfinx.
-from .fenicsx_linear import Coefficients, Layout, Linear  # isort: skip
+from .fenicsx_linear import Coefficients, Layout, Linear, Load  # isort: skip
+import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from ufl import div, dot, grad, inner, transpose
 
 from . import compat
-from .finite_elements import Beside, FiniteElements, FlowData
+from .finite_elements import Beside, FiniteElements, FlowData, FlowForm, ScalarForm
 from .solver import Floats, Problem, Report, Step
 
 QUADRATURE = {"quadrature_degree": 4}
@@ -31,13 +32,15 @@ QUADRATURE = {"quadrature_degree": 4}
 
 
 class FEniCSx(FiniteElements):
-    """The solver on one mesh. Unknowns of a node are a block of D + 1, the pressure last.
+    """The solver on one mesh. Unknowns of a node are a block of D + 1, the pressure last. Terms of a
+    subclass are called once for every mesh, with expressions of UFL: what changes from step to step is a
+    ``fem.Constant`` or a ``fem.Function`` of the subclass, given its values at the start of ``solve``.
 
     Parameters
     ----------
     linear
         ``direct``: MUMPS with one step of iterative refinement. ``iterative``: GMRES, for the flow
-        with a Schur complement of the velocity, multigrid (hypre) in every block.
+        with a Schur complement of the velocity, multigrid (hypre, or PETSc's own) in every block.
     """
 
     def __init__(self, linear: Literal["direct", "iterative"] = "direct"):
@@ -47,9 +50,9 @@ class FEniCSx(FiniteElements):
         self.layout = Layout(compat.create_mesh(self.comm, problem.cells, problem.points), problem)
         super().set_mesh(problem)
         iterative = self.linear == "iterative"
-        self.flow = FlowSystem(self.layout, problem, iterative)
+        self.flow = FlowSystem(self.layout, problem, iterative, self)
         count = len(problem.scalars)
-        self.scalars = [ScalarSystem(self.layout, problem, k, iterative) for k in range(count)]
+        self.scalars = [ScalarSystem(self.layout, problem, k, iterative, self) for k in range(count)]
 
     def _place(self, problem: Problem) -> None:
         super()._place(problem)
@@ -79,10 +82,22 @@ class FEniCSx(FiniteElements):
         return self.flow.linear.solve(beside, report)
 
 
-class FlowSystem:
-    """Forms of momentum and mass."""
+    def _uniform(self, step: Step) -> Floats:
+        old, flow = self.state.velocity, self.flow
+        flow.time_step.value = step.dt
+        cells, found = len(self.cells.measure), np.empty_like(old)
+        # Without the stabilisation, w is v.
+        flow.known.fill(eps=step.voidage, old=old, at=old, xi=np.zeros(cells), xi_U=np.zeros((cells, old.shape[1])))
+        for i, direction in enumerate(np.eye(1 + old.shape[1])[:-1]):
+            flow.known.fill(uniform=np.tile(direction, (len(old), 1)))
+            found[:, i] = flow.of_uniform.assemble()[:, i]
+        return found
 
-    def __init__(self, layout: Layout, problem: Problem, iterative: bool):
+
+class FlowSystem:
+    """Forms of momentum and mass, with the terms of a solver."""
+
+    def __init__(self, layout: Layout, problem: Problem, iterative: bool, solver: FiniteElements):
         D, domain = problem.dimension, layout.domain
         mixed = compat.space(domain, "Lagrange", 1, D + 1)
         trial, test = ufl.TrialFunction(mixed), ufl.TestFunction(mixed)
@@ -116,14 +131,23 @@ class FlowSystem:
             + source_p * q
             + rho * xi_c * (source_p - div(solid_flux)) * div(v)
         )
-        dx = ufl.dx(domain=domain, metadata=QUADRATURE)
+        x, dx = ufl.SpatialCoordinate(domain), ufl.dx(domain=domain, metadata=QUADRATURE)
+        form = FlowForm(u, p, v, q, v + weighed, x, eps, old, at, dt, problem)
+        terms, loads = solver.terms(form), solver.loads(form._replace(u=None, p=None))
+        matrix = matrix if terms is None else matrix + terms
+        rhs = rhs if loads is None else rhs + loads
         self.linear = Linear(layout, matrix * dx, rhs * dx, iterative)
+        if terms is not None:
+            (uniform,) = known.nodal("uniform", components=D + 1)
+            self.of_uniform = Load(layout, ufl.replace(terms * dx, {trial: uniform}))
 
 
 class ScalarSystem:
-    """Forms of the equation of a scalar."""
+    """Forms of the equation of a scalar, with the terms of a solver."""
 
-    def __init__(self, layout: Layout, problem: Problem, k: int, iterative: bool):
+    def __init__(
+        self, layout: Layout, problem: Problem, k: int, iterative: bool, solver: FiniteElements
+    ):
         domain, scalar = layout.domain, problem.scalars[k]
         s, S = ufl.TrialFunction(layout.space), ufl.TestFunction(layout.space)
         self.time_step = dt = fem.Constant(domain, 1.0)
@@ -142,6 +166,10 @@ class ScalarSystem:
         rhs = held * along + source * (S + along)
         if scalar.form == "consistent":
             matrix, rhs = matrix + stored * S, rhs + held * S
+        form = ScalarForm(s, S, S + along, ufl.SpatialCoordinate(domain), eps, old, wind, k, dt, problem)
+        terms, loads = solver.scalar_terms(form), solver.scalar_loads(form._replace(s=None))
+        matrix = matrix if terms is None else matrix + terms
+        rhs = rhs if loads is None else rhs + loads
         dx, monotone = ufl.dx(domain=domain, metadata=QUADRATURE), scalar.form == "monotone"
         self.linear = Linear(layout, matrix * dx, rhs * dx, iterative, monotone)
 

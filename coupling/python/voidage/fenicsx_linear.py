@@ -5,8 +5,16 @@ divided among them.
 """
 
 import numpy as np
-import petsc4py
 import scipy.sparse as sp
+
+from . import interpreter
+
+try:
+    import petsc4py
+except ModuleNotFoundError as error:
+    interpreter.explain(error)
+    raise
+from mpi4py import MPI  # noqa: E402, F401 before PETSc, which in some builds takes the library of MPI that this loads
 
 petsc4py.init(["voidage", "-no_signal_handler"])  # else PETSc turns a closed pipe into MPI_Abort
 
@@ -36,7 +44,7 @@ class Layout:
         self.geometry_node = np.asarray(domain.geometry.input_global_indices)
         self.node = np.empty(dofs.max() + 1, dtype=int)
         """Node of the problem at every dof, the owned ones first."""
-        self.node[dofs] = self.geometry_node[compat.table(domain.geometry.dofmap, local)]
+        self.node[dofs] = self.geometry_node[compat.table(compat.geometry_dofs(domain.geometry), local)]
         self.cell = np.asarray(domain.topology.original_cell_index)[:local]
         """Cell of the problem at every cell, the owned ones first."""
         self.nodes = self.space.dofmap.index_map
@@ -81,6 +89,27 @@ class Coefficients:
         for name, of_all in values.items():
             field, place = self.fields[name]
             field.x.array[:] = of_all[place].ravel()
+
+
+class Load:
+    """Nodal values of a linear form."""
+
+    def __init__(self, layout: Layout, form: ufl.Form):
+        self.layout, self.form = layout, fem.form(form)
+        self.vector = petsc.assemble_vector(self.form)
+
+    def assemble(self) -> Floats:
+        """Those of all nodes of the problem, (n, c)."""
+        assemble(self.vector, self.form)
+        return self.layout.gather(self.vector.array.reshape(-1, self.vector.block_size))
+
+
+def assemble(vector: PETSc.Vec, form) -> None:
+    """Gives a vector the values of a compiled linear form."""
+    with vector.localForm() as local:
+        local.set(0)
+    petsc.assemble_vector(vector, form)
+    vector.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
 
 
 class Linear:
@@ -159,10 +188,7 @@ class Linear:
         A.zeroEntries()
         petsc.assemble_matrix(A, self.matrix_form)
         A.assemble()
-        with b.localForm() as local:
-            local.set(0)
-        petsc.assemble_vector(b, self.rhs_form)
-        b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        assemble(b, self.rhs_form)
         self.matrix = self._join(A, b) if self.sides else A
         self._add(beside.matrix)
         self.matrix.assemble()
@@ -240,7 +266,7 @@ class Linear:
         ksp.setTolerances(rtol=0.5 * self.layout.problem.tolerance, max_it=500)
         ksp.setGMRESRestart(100)
         if self.components == 1:
-            pc.setType("hypre")
+            pc.setType(compat.multigrid())
             return ksp
         pc.setType("fieldsplit")
         start, stop = A.getOwnershipRange()
@@ -259,5 +285,5 @@ class Linear:
         pc.setUp()
         for part in pc.getFieldSplitSubKSP():
             part.setType("preonly")
-            part.getPC().setType("hypre")
+            part.getPC().setType(compat.multigrid())
         return ksp

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from dataclasses import replace
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from .body import Bodies
 from .boundary import Boundary
 from .cells import Cells, stabilisation_time
-from .points import PointSums, complete
+from .points import DENSEST, PointSums, complete
 from .sides import Sides
 from .solver import Fields, Floats, Problem, Report, Solution, Solver, Step
 
@@ -50,11 +50,81 @@ class FlowData(NamedTuple):
     incompressibility; zero without points."""
 
 
+class FlowForm(NamedTuple):
+    """What terms of one's own in the flow equations are written with: expressions of UFL in FEniCSx,
+    values at the quadrature points in scikit-fem."""
+
+    u: Any
+    p: Any
+    """Velocity and pressure that are solved for; None on the right-hand side."""
+    v: Any
+    q: Any
+    """Test functions of momentum and mass."""
+    w: Any
+    """What the equation of momentum is tested with as a whole, v + xi (U . grad) v + (xi / rho) grad q: the
+    Galerkin test and those of the stabilisation."""
+    x: Any
+    """Place, m."""
+    eps: Any
+    """Voidage."""
+    old: Any
+    """u_n, the accepted velocity, m/s."""
+    at: Any
+    """The velocity about which this Newton step linearises, m/s: u_n in the first."""
+    dt: Any
+    """Length of the step, s."""
+    problem: Problem
+
+
+class ScalarForm(NamedTuple):
+    """The same for the equation of a scalar."""
+
+    s: Any
+    """The scalar that is solved for; None on the right-hand side."""
+    S: Any
+    """Its test function."""
+    w: Any
+    """What its equation is tested with as a whole, S + xi_T U . grad S."""
+    x: Any
+    """Place, m."""
+    eps: Any
+    """Voidage."""
+    old: Any
+    """The accepted values of the scalar."""
+    wind: Any
+    """u_n less the velocity of the mesh, m/s."""
+    k: int
+    """Number of the scalar."""
+    dt: Any
+    """Length of the step, s."""
+    problem: Problem
+
+
 class FiniteElements(Solver):
     """One step: the scalars with u_n, then momentum and mass by Newton steps, first about u_n. The
-    steps that the equations get lack nothing (:func:`voidage.points.complete`)."""
+    steps that the equations get lack nothing (:func:`voidage.points.complete`).
+
+    A subclass adds terms of its own by :meth:`terms`, :meth:`loads`, :meth:`scalar_terms` and
+    :meth:`scalar_loads`. Each returns an integrand, which is integrated over the cells, or None.
+    """
 
     periodic_sides = True
+
+    def terms(self, flow: FlowForm) -> Any:
+        """Further terms on the left-hand side of the flow equations, linear in u and p and in the tests,
+        such as ``drag * dot(flow.u, flow.w)`` of a force -drag u per volume. They are part of the matrix
+        of every Newton step, so implicit in time. Tested with ``flow.w`` a force is in the residual of the
+        stabilisation too, as it must be where the pressure balances it; tested with ``flow.v`` it is not.
+        The stabilisation time knows how strongly they hold a uniform flow back."""
+
+    def loads(self, flow: FlowForm) -> Any:
+        """Further terms on the right-hand side of the flow equations, linear in the tests."""
+
+    def scalar_terms(self, scalar: ScalarForm) -> Any:
+        """Further terms on the left-hand side of the equation of a scalar, linear in s and in the tests."""
+
+    def scalar_loads(self, scalar: ScalarForm) -> Any:
+        """Further terms on the right-hand side of the equation of a scalar, linear in the tests."""
 
     def set_mesh(self, problem: Problem) -> None:
         self.state = self.next = problem.fields
@@ -119,6 +189,20 @@ class FiniteElements(Solver):
         """Velocity and pressure, the convection linearised about a velocity, and A x - b as of a
         scalar, for all right-hand sides, (r, n, D + 1) each."""
 
+    @abstractmethod
+    def _uniform(self, step: Step) -> Floats:
+        """The integrals of :meth:`terms` about u_n, tested with v alone, for u = e_i and p = 0: component
+        i at every node, (n, D)."""
+
+    def _rate_of_terms(self, step: Step) -> Floats:
+        """What :meth:`terms` add to 1/xi, 1/s, (m): as the drag of points does
+        (:meth:`voidage.points.PointSums.drag_rate`)."""
+        cells, volume = self.cells, self.cells.nodal_volume
+        held = self.sides.gather(self._uniform(step)).max(axis=1) / np.where(volume > 0, volume, 1)
+        largest = np.maximum(held[cells.masters].max(axis=1), 0)
+        voidage = np.maximum(cells.mean(step.voidage), DENSEST)
+        return 4 * largest / (self.problem.density * voidage)
+
     def _scalar_stabilisation(
         self, k: int, step: Step, wind: Floats, points: PointSums
     ) -> Floats:
@@ -178,6 +262,8 @@ class FiniteElements(Solver):
         weight = problem.density * (lightness[:, None] * problem.gravity + body_force)
         U, nu = cells.mean(wind), problem.viscosity / problem.density
         drag = points.drag_rate(problem.density, problem.thin_cell_drag, step.voidage)
+        if type(self).terms is not FiniteElements.terms:
+            drag = drag + self._rate_of_terms(step)
         xi = stabilisation_time(cells, U, step.dt, nu, drag)
         reach = cells.size * np.linalg.norm(U, axis=1)
         xi_c = reach * np.minimum(reach / (6 * nu), 0.5)

@@ -19,7 +19,7 @@ import skfem
 from scipy.sparse.linalg import splu
 from skfem.helpers import ddot, div, dot, grad, mul, transpose
 
-from .finite_elements import NEARLY_SINGULAR, Beside, FiniteElements, FlowData
+from .finite_elements import NEARLY_SINGULAR, Beside, FiniteElements, FlowData, FlowForm, ScalarForm
 from .solver import Floats, Problem, Report, Step
 
 QUADRATURE = 4
@@ -27,7 +27,8 @@ QUADRATURE = 4
 
 
 class ScikitFem(FiniteElements):
-    """The solver on one mesh. Unknowns are numbered (D + 1) node + component, the pressure last."""
+    """The solver on one mesh. Unknowns are numbered (D + 1) node + component, the pressure last. Terms of a
+    subclass are called whenever a system is assembled, with values at the quadrature points."""
 
     def _place(self, problem: Problem) -> None:
         super()._place(problem)
@@ -54,18 +55,24 @@ class ScikitFem(FiniteElements):
         )
         known, xi_U = C / step.dt * eps * old + wall * scalar.wall_value, xi_U.T[:, :, None]
 
+        def form(s, S, at) -> ScalarForm:
+            tested = S + dot(xi_U, grad(S))
+            return ScalarForm(s, S, tested, at.x, eps, old, u, k, step.dt, self.problem)
+
         @skfem.BilinearForm
-        def matrix(s, S, _):
+        def matrix(s, S, at):
             stored, carried = (C / step.dt * eps + wall) * s, C * eps * dot(u, grad(s))
             residual = stored + carried - K * dot(grad(eps), grad(s))
             galerkin = carried if lumped else stored + carried
             spread = eps * K * dot(grad(s), grad(S))
-            return galerkin * S + spread + residual * dot(xi_U, grad(S))
+            sums = galerkin * S + spread + residual * dot(xi_U, grad(S))
+            return _with(self.scalar_terms(form(s, S, at)), sums)
 
         @skfem.LinearForm
-        def rhs(S, _):
+        def rhs(S, at):
             along = dot(xi_U, grad(S))
-            return known * (along if lumped else S + along) + source * (S + along)
+            sums = known * (along if lumped else S + along) + source * (S + along)
+            return _with(self.scalar_loads(form(None, S, at)), sums)
 
         A, b = self.sides.join(matrix.assemble(self.scalar), rhs.assemble(self.scalar))
         A = A + beside.matrix
@@ -83,12 +90,16 @@ class ScikitFem(FiniteElements):
         source_u, source_p = self._at(step.sources.momentum, step.sources.mass)
         xi, xi_c, xi_U = data.xi[:, None], data.xi_c[:, None], data.xi_U.T[:, :, None]
 
+        def form(u, p, v, q, place) -> FlowForm:
+            tested = v + mul(grad(v), xi_U) + xi / rho * grad(q)
+            return FlowForm(u, p, v, q, tested, place.x, eps, old, at, dt, problem)
+
         @skfem.BilinearForm
-        def matrix(u, p, v, q, _):
+        def matrix(u, p, v, q, place):
             rate = eps * rho * (u / dt + mul(grad(u), wind) + mul(grad(at), u)) + thin * u
             strain = grad(u) + transpose(grad(u))
             residual = rate + grad(p) - eta * mul(strain, grad(eps))
-            return (
+            sums = (
                 dot(rate, v)
                 + eps * eta * ddot(strain, grad(v))
                 - p * div(v)
@@ -96,18 +107,34 @@ class ScikitFem(FiniteElements):
                 + dot(residual, mul(grad(v), xi_U) + xi / rho * grad(q))
                 + rho * xi_c * (eps * div(u) + dot(u, grad(eps))) * div(v)
             )
+            return _with(self.terms(form(u, p, v, q, place)), sums)
 
         @skfem.LinearForm
-        def rhs(v, q, _):
+        def rhs(v, q, place):
             force = eps * rho * (old / dt + mul(grad(at), at)) + share * weight + source_u
-            return (
+            sums = (
                 dot(force, v + mul(grad(v), xi_U) + xi / rho * grad(q))
                 + source_p * q
                 + rho * xi_c * (source_p - div(solid_flux)) * div(v)
             )
+            return _with(self.loads(form(None, None, v, q, place)), sums)
 
         A, b = self.sides.join(matrix.assemble(self.mixed), rhs.assemble(self.mixed))
         return self._solve(A + beside.matrix, b, beside, report)
+
+    def _uniform(self, step: Step) -> Floats:
+        problem, old, found = self.problem, self.state.velocity, np.empty_like(self.state.velocity)
+        eps, at, still = self._at(step.voidage, old, np.zeros(len(old)))
+        for i, direction in enumerate(np.eye(problem.dimension)):
+            (u,) = self._at(np.tile(direction, (len(old), 1)))
+
+            @skfem.LinearForm
+            def held(v, q, place):
+                form = FlowForm(u, still, v, q, v, place.x, eps, at, at, step.dt, problem)  # noqa: B023
+                return _with(self.terms(form), 0.0)
+
+            found[:, i] = held.assemble(self.mixed).reshape(len(old), -1)[:, i]
+        return found
 
     def _solve(
         self, A: sp.csr_array, load: Floats, beside: Beside, report: Report
@@ -141,6 +168,11 @@ class ScikitFem(FiniteElements):
         report.iterations, report.residual = report.iterations + 1, residual
         x = unit @ x
         return x.T.reshape(value.shape), (A @ x - b).T.reshape(value.shape)
+
+
+def _with(more, sums):
+    """Integrands together; there may be no more."""
+    return sums if more is None else sums + more
 
 
 def _upwind(A: sp.csr_array) -> sp.csr_array:

@@ -86,7 +86,7 @@ pub fn remote<const D: usize>(backend: &Backend, host: &Host, setup: &Setup<D>) 
         Transport::Tcp => Address::any_port(),
     };
     let (channel, address) = transport::listen(&address, timeout, &token)?;
-    let mut command = command(&backend.solver, host, &address)?;
+    let mut command = command(backend, host, &address)?;
     // Not as an argument: those are for all users of a machine to see.
     command.env(TOKEN_VARIABLE, token.word().unwrap_or_default());
     let process = Process::start(command, &host.log)?;
@@ -111,14 +111,70 @@ pub fn check_door(backend: &Backend, host: &Host) -> Result<()> {
     }
 }
 
+/// Checks that there is an `mpirun` for a solver on several ranks.
+///
+/// # Errors
+/// There is none.
+pub fn check_ranks(backend: &Backend) -> Result<()> {
+    match backend.ranks() {
+        0 | 1 => Ok(()),
+        ranks => mpirun(ranks, &fenicsx_interpreter()).map(drop),
+    }
+}
+
+/// The `mpirun` that starts so many ranks of an interpreter: the one beside it, which is of the same installation as its
+/// MPI, else the first on the path.
+fn mpirun(ranks: usize, interpreter: &Path) -> Result<PathBuf> {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let beside = interpreter.parent().filter(|folder| !folder.as_os_str().is_empty()).map(Path::to_path_buf);
+    let mut places =
+        beside.into_iter().chain(std::env::split_paths(&folders)).map(|folder| folder.join("mpirun"));
+    places.find(|file| file.is_file()).ok_or_else(|| {
+        let what = format!(
+            "{ranks} ranks of fenicsx: there is no mpirun beside {} or on PATH",
+            interpreter.display()
+        );
+        let help = "apt-get install openmpi-bin, or the mpirun of that Python's MPI; or give 1 rank";
+        Error::input(Notice::new(what, help))
+    })
+}
+
+/// A command of an interpreter, on several ranks.
+fn on_ranks(ranks: usize, interpreter: &Path, one: &Command) -> Result<Command> {
+    let mut command = Command::new(mpirun(ranks, interpreter)?);
+    command.args(["-n", &ranks.to_string()]).arg(one.get_program()).args(one.get_args());
+    for (name, value) in one.get_envs() {
+        match value {
+            Some(value) => command.env(name, value),
+            None => command.env_remove(name),
+        };
+    }
+    // Open MPI, 4 and 5, refuses root and more ranks than cores if nobody says that they are meant. Others do not know
+    // these variables.
+    command.envs(["OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"].map(|name| (name, "1")));
+    command.env("OMPI_MCA_rmaps_base_oversubscribe", "1");
+    command.env("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe");
+    command.arg("--ranks").arg(ranks.to_string());
+    Ok(command)
+}
+
 /// The command that starts a solver.
-fn command(solver: &Solver, host: &Host, address: &Address) -> Result<Command> {
+fn command(backend: &Backend, host: &Host, address: &Address) -> Result<Command> {
+    let solver = &backend.solver;
     let mut command = match solver {
-        Solver::Fenicsx => python(&fenicsx_interpreter(), &run_module("voidage.fenicsx")),
+        Solver::Fenicsx => {
+            let interpreter = fenicsx_interpreter();
+            let one = python(&interpreter, &run_module("voidage.fenicsx"));
+            match backend.ranks() {
+                0 | 1 => one,
+                ranks => on_ranks(ranks, &interpreter, &one)?,
+            }
+        }
         Solver::ScikitFem => python(&interpreter(), &run_module("voidage.scikit_fem")),
         Solver::Python(module) => {
             let mut command = python(&interpreter(), &run_module("voidage.adapter"));
-            command.arg(module);
+            // Which of the two it needs is known when it is imported.
+            command.args([module, "--or-python", SYSTEM_PYTHON]);
             command
         }
         Solver::Rust | Solver::Serve | Solver::Attach(_) => {
@@ -170,7 +226,7 @@ pub fn python(interpreter: &Path, statement: &str) -> Command {
     command
 }
 
-/// The Python of solvers that need no dolfinx: `$VOIDAGE_PYTHON`, that of the environment which has this program,
+/// The Python of solvers that need no dolfinx, and of files until they turn out to need it: `$VOIDAGE_PYTHON`, that of the environment which has this program,
 /// `target/venv/bin/python` above this folder or the program (`tests/python-setup` makes it), or `python3`.
 pub fn interpreter() -> PathBuf {
     match (std::env::var_os("VOIDAGE_PYTHON"), ENVIRONMENT.get()) {

@@ -19,6 +19,10 @@ pub struct Backend {
     /// Longest time without a sign of life from the process, s. Above 0. Default 60.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timeout: Option<f64>,
+    /// Number of processes, started by `mpirun`, among which the solver `"fenicsx"` divides mesh and matrices. At least
+    /// 1. Default 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ranks: Option<usize>,
 }
 
 /// Fluid solvers.
@@ -55,6 +59,11 @@ impl Backend {
     /// Longest time without a sign of life, s.
     pub fn timeout(&self) -> f64 {
         self.timeout.unwrap_or(60.0)
+    }
+
+    /// Number of processes that share the solver.
+    pub fn ranks(&self) -> usize {
+        self.ranks.unwrap_or(1)
     }
 }
 

@@ -178,7 +178,19 @@ fn check_backend(scene: &Scene, backend: &Backend) -> Checked {
         let help = "take it away, or choose a solver in a process of its own, such as serve";
         return fail(scene, "fluid.backend.timeout", message, help);
     }
-    Ok(())
+    match backend.ranks {
+        Some(_) if backend.solver != Solver::Fenicsx => {
+            let message = format!(
+                "`fluid.backend.ranks` is there, but the solver {name} is not started on several ranks"
+            );
+            let help = "take it away, or choose the solver fenicsx";
+            fail(scene, "fluid.backend.ranks", message, help)
+        }
+        Some(0) => {
+            fail(scene, "fluid.backend.ranks", "`fluid.backend.ranks = 0`: out of range", "give 1 or more")
+        }
+        _ => Ok(()),
+    }
 }
 
 fn check_boundary(scene: &Scene, fluid: &Fluid, path: &str, boundary: &Boundary) -> Checked {
