@@ -380,6 +380,11 @@ impl<const D: usize> Mixture<D> {
         self.interaction.open = None;
     }
 
+    /// A part of a step of `dt` begins: the mesh goes to where it is at its end.
+    pub fn begin_part(&mut self, dt: f64) {
+        self.move_mesh(|motion, time, points| motion.advance(time, dt, points));
+    }
+
     /// Counts a step whose parts have all been accepted. What grains, walls and boundaries got in it is now the mean over
     /// them.
     pub fn end_step(&mut self, report: &mut StepReport) {

@@ -1,5 +1,6 @@
 //! Every scene file of the repository runs.
 
+use rayon::prelude::*;
 use std::fs;
 use std::path::{Path, PathBuf};
 use voidage_scene::{Scene, Simulation};
@@ -27,8 +28,8 @@ fn scenes() -> Vec<PathBuf> {
 fn every_scene_of_the_repository_runs_for_some_steps() {
     let scenes = scenes();
     assert!(scenes.len() >= 14, "{scenes:?}");
-    for path in scenes {
-        let mut scene = Scene::read(&path, &[]).unwrap_or_else(|error| panic!("{error}"));
+    scenes.par_iter().for_each(|path| {
+        let mut scene = Scene::read(path, &[]).unwrap_or_else(|error| panic!("{error}"));
         // As built: bringing beds to rest takes longer than all the steps here.
         for group in &mut scene.grains {
             if let voidage_scene::Placement::Deposit(deposit) = &mut group.placement {
@@ -44,5 +45,5 @@ fn every_scene_of_the_repository_runs_for_some_steps() {
         for (column, value) in simulation.readings() {
             assert!(value.is_finite(), "{}: {column} is {value}", path.display());
         }
-    }
+    });
 }

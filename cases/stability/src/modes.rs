@@ -69,7 +69,8 @@ pub const AXES: &[Axis] = &[
             closed_box(Mixture { density: 2.65, solid: 1.0 - voidage }, step, scheme)
         },
         theory: |[voidage, step], scheme| {
-            Some(Mixture { density: 2.65, solid: 1.0 - voidage }.root(scheme, step) < 1.0 + 1e-9)
+            let mixture = Mixture { density: 2.65, solid: 1.0 - voidage };
+            mixture.resolved(scheme, step).then(|| mixture.root(scheme, step) < 1.0 + 1e-9)
         },
     },
     Axis {
@@ -152,6 +153,14 @@ impl Mixture {
             SchemeName::Lagged => ((1.0 - r - k * self.solid / eps) / (1.0 + k), r / (1.0 + k)),
             _ => ((1.0 + r) / (1.0 + r + k / eps), 0.0),
         }
+    }
+
+    /// Whether the iterations of a scheme do not make more of the residual of the linear solver than of the mode: those of
+    /// `gauss-seidel` multiply it by X + Y (`voidage_coupling::scheme::anchored`).
+    fn resolved(&self, scheme: SchemeName, b: f64) -> bool {
+        let (eps, phi) = (self.voidage(), self.solid);
+        let amplified = (b * phi / (eps * eps) * (1.0 + eps) + phi / eps / self.density) / (1.0 + b);
+        scheme != SchemeName::GaussSeidel || amplified < 1e6
     }
 
     /// The largest factor in the closed box, in magnitude.

@@ -382,7 +382,7 @@ pub fn scheme_setting() -> Option<String> {
 pub fn exact_options(scheme: SchemeName) -> Options {
     match scheme {
         SchemeName::GaussSeidel => Options {
-            iteration: Iteration { tolerance: 1e-9, heat_tolerance: 1e-9, most: 200, ..Iteration::default() },
+            iteration: Iteration { tolerance: 1e-8, heat_tolerance: 1e-8, most: 60, ..Iteration::default() },
             ..Options::default()
         },
         _ => Options::default(),

@@ -35,7 +35,7 @@ mod _voidage {
     use crate::{environment, main};
 
     #[pymodule_init]
-    fn init(_: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+    fn init(_module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
         voidage_coupling::scheme::own::Maker(crate::scheme::make).is_here();
         Ok(())
     }

@@ -349,7 +349,7 @@ impl System {
     fn begin(&self, py: Python<'_>, dt: f64) -> PyResult<()> {
         self.with(py, |held| {
             held.dt = held.length(Some(dt))?;
-            held.mixture.move_mesh(|motion, time, points| motion.advance(time, dt, points));
+            held.mixture.begin_part(dt);
             Ok(())
         })
     }

@@ -59,7 +59,7 @@ impl Simulation {
             let solver = name.parse::<Solver>();
             set.push(solver.map_err(|error| PyValueError::new_err(format!("fluid {error}")))?.setting());
         }
-        for name in &scheme.name {
+        if let Some(name) = &scheme.name {
             let scheme =
                 name.parse::<SchemeName>().map_err(|error| PyValueError::new_err(error.to_string()))?;
             let scheme = std::env::current_dir().map_or(scheme, |folder| scheme.within(&folder));

@@ -90,7 +90,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
                 droplet.part = part.dt / dt;
             }
             if length < most {
-                mixture.move_mesh(|motion, time, points| motion.advance(time, part.dt, points));
+                mixture.begin_part(part.dt);
             }
             if length > 1 || moves_mesh {
                 mixture.save_grains();

@@ -24,6 +24,10 @@ pub enum Relaxation {
     IqnIls,
 }
 
+/// Largest omega of Aitken's. An iteration by the factor z needs 1/(1 - z): 1e3 where fluid and grains follow each other in
+/// steps of a thousand relaxation times.
+const LARGEST: f64 = 1e6;
+
 /// Differences that the quasi-Newton model keeps.
 const KEPT: usize = 8;
 
@@ -83,7 +87,7 @@ impl Relaxer {
                 let change = &r - &old;
                 let size = change.norm_squared();
                 if size > 0.0 {
-                    self.omega = (-self.omega * old.dot(&change) / size).clamp(-2.0, 2.0);
+                    self.omega = (-self.omega * old.dot(&change) / size).clamp(-LARGEST, LARGEST);
                 }
                 Some(x + r * self.omega)
             }

@@ -162,13 +162,13 @@ fn mankoc(points: &[(f64, f64)]) -> [f64; 2] {
 /// to 2.0. A silo may be off the law by the share `allowed`.
 fn run(effort: Effort, rolling: f64, allowed: f64) -> Result<Outcome> {
     let silo = effort.pick(
-        Silo { wide: 2.5, margin: 16.0, slender: 1.2, step: 0.03, grains: 2000 },
+        Silo { wide: 2.5, margin: 16.0, slender: 1.2, step: 0.03, grains: 1200 },
         Silo { wide: 2.5, margin: 30.0, slender: 1.2, step: 0.02, grains: 1000 },
     );
     let seeds = effort.pick(2, 5);
     // Through five diameters grains flow by fits and starts, arches stop them for up to 2 sqrt(d/g), and the rate
     // depends on the step, by 10 to 20 % between 0.05 and 0.02 (2 % at eight diameters).
-    let openings: &[f64] = effort.pick(&[8.0, 11.0, 15.0, 20.0], &[8.0, 12.0, 18.0, 27.0]);
+    let openings: &[f64] = effort.pick(&[8.0, 11.0, 15.0], &[8.0, 12.0, 18.0, 27.0]);
     let runs: Vec<(f64, u64)> =
         openings.iter().flat_map(|w| (0..seeds).map(move |seed| (*w, seed))).collect();
     let flows =
