@@ -56,6 +56,12 @@ def blocks(page: str, text: str) -> list[Block]:
     return found
 
 
+def files(text: str) -> dict[str, str]:
+    """The files that a page shows: blocks whose first line is a comment with a name, `# NAME.py`."""
+    shown = re.findall(r"^```python\n(# ([\w-]+\.py)\n.*?)^```", text, re.S | re.M)
+    return {name: body for body, name in shown}
+
+
 def pages() -> list[tuple[str, str]]:
     """All pages of the project with their texts."""
     names = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, check=True, capture_output=True, text=True)
@@ -71,7 +77,9 @@ def workplace(folder: Path, program: Path) -> dict[str, str]:
     path = folder / "bin"
     path.mkdir()
     (path / "voidage").symlink_to(program.resolve())
-    return {**os.environ, "PATH": f"{path}:{os.environ['PATH']}"}
+    # Schemes and solvers in Python run in this interpreter, unless the tests are told another one.
+    python = {"VOIDAGE_PYTHON": os.environ.get("VOIDAGE_PYTHON", sys.executable)}
+    return {**os.environ, **python, "PATH": f"{path}:{os.environ['PATH']}"}
 
 
 def run(command: str, folder: Path, environment: dict[str, str], limit: float | None) -> tuple[str, str]:
@@ -104,6 +112,8 @@ def through(program: Path, limit: float | None, part: tuple[int, int]) -> list[s
     for page, text in pages()[index - 1 :: count]:
         with tempfile.TemporaryDirectory() as place:
             environment = workplace(Path(place), program)
+            for name, body in files(text).items():
+                (Path(place) / name).write_text(body)
             for block in blocks(page, text):
                 wrong += [f"{page}: {what}" for what in through_block(block, Path(place), environment, limit)]
     return wrong

@@ -108,19 +108,24 @@ impl<const D: usize> Mixture<D> {
         share
     }
 
-    /// Lowers the law of the grains, so that the fluid gets a `share` of what is carried of earlier steps in the time of
-    /// a step of `whole` s. From now on what grains get beyond what the fluid loses is to be [carried](Self::carry).
+    /// Lowers the law of the grains, so that the fluid gets a `share` of what is carried of earlier steps, and of what the
+    /// grains have got in this one before the fluid is solved, in the time of a step of `whole` s. From now on what grains
+    /// get beyond what the fluid loses is to be [carried](Self::carry).
     pub fn give_back(&mut self, share: f64, whole: f64) {
-        let (count, interaction) = (self.grains.particles.len(), &mut self.interaction);
+        let Self { grains, interaction, motions, .. } = self;
+        let (count, moved) = (grains.particles.len(), motions.time);
         let load = &mut interaction.load;
         let none = || crate::Carried::none(count, load.heat.is_some());
         let carried = interaction.carried.get_or_insert_with(none);
         for i in 0..count {
-            load.velocity[i] -= velocity_offset(carried.impulse[i] * share, load.drag[i] * whole);
+            let got = if moved > 0.0 { motions.force[i] * moved } else { Vector::zeros() };
+            let impulse = carried.impulse[i] + got;
+            load.velocity[i] -= velocity_offset(impulse * share, load.drag[i] * whole);
         }
         if let Some(law) = &mut load.heat {
             for i in 0..count {
-                law.temperature[i] -= law.temperature_offset(carried.heat[i] * share, whole, i);
+                let got = if moved > 0.0 { motions.heat[i] * moved } else { 0.0 };
+                law.temperature[i] -= law.temperature_offset((carried.heat[i] + got) * share, whole, i);
             }
         }
     }

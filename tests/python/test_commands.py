@@ -19,6 +19,11 @@ def test_commands_are_found_without_comments_and_joined():
     assert block.commands == ["voidage run a --set b=1", "voidage check d"]
 
 
+def test_files_that_a_page_shows_are_there_for_its_commands():
+    text = "```python\n# mine.py\nx = 1\n```\n```python\ny = 2\n```\n"
+    assert commands.files(text) == {"mine.py": "# mine.py\nx = 1\n"}
+
+
 def test_wrong_commands_are_found(program, tmp_path):
     environment = commands.workplace(tmp_path, Path(program))
     block = commands.Block("page", ["voidage run nowhere.toml", "voidage run settling-grain-still", "voidage run SCENE"])

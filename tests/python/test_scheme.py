@@ -197,19 +197,19 @@ def test_a_scheme_must_accept_once():
     simulation = voidage.Simulation(BED, scheme=scheme)
     with pytest.raises(RuntimeError, match="accepted 0 solutions"):
         simulation.step()
-    with pytest.raises(RuntimeError, match="inside `step` of the scheme only"):
+    with pytest.raises(RuntimeError, match="inside `step` or `solve` of the scheme only"):
         scheme.system.cut_grains()
 
 
 @pytest.mark.parametrize(
-    ("setting", "key"),
+    ("setting", "told"),
     [
-        ("coupling.cut={ travel = 0.1 }", "coupling.cut"),
-        ("events=[{ time = 2e-3, set = ['coupling.scheme=\"lagged\"'] }]", "events"),
+        ("coupling.cut={ travel = 0.1 }", "`coupling.cut` divides steps, and the scheme makes whole ones"),
+        ("events=[{ time = 2e-3, set = ['coupling.scheme=\"lagged\"'] }]", "`events` change the scheme"),
     ],
 )
-def test_keys_that_only_schemes_with_names_heed_were_ignored(setting, key):
-    with pytest.raises(ValueError, match=f"`{key}` .* the scheme is one of your own"):
+def test_keys_that_only_other_schemes_heed_were_ignored(setting, told):
+    with pytest.raises(ValueError, match=told):
         voidage.Simulation(BED, [setting], scheme=Henry())
 
 

@@ -151,7 +151,7 @@ def test_writing_checks(bed, name, value, error, text):
     [
         ({"scene": "none.toml"}, "none.toml: there is no such file.*\n.*help"),
         ({"scene": BED, "set": ["fluid.densty=1"]}, "did you mean `density`"),
-        ({"scene": BED, "scheme": "implicit"}, "expected one of `explicit`"),
+        ({"scene": BED, "scheme": "implicit"}, "there is no such coupling scheme\\n.*use one of explicit, "),
         ({"scene": BED, "fluid": "openfoam"}, "no such fluid solver"),
         ({"scene": BED, "restart": BED}, "no checkpoint of voidage"),
         ({"scene": BED, "threads": 0}, "there must be a thread"),

@@ -35,8 +35,20 @@ fn the_default_scheme_passes_every_point_that_theory_does_not_exclude() {
 fn the_other_schemes_fail_where_theory_says() {
     let modes = axes().into_iter().filter(|axis| !axis.name.starts_with("bed"));
     let others = SchemeName::ALL.into_iter().filter(|scheme| *scheme != SchemeName::default());
-    let pairs: Vec<(Axis, SchemeName)> =
-        modes.flat_map(|axis| others.clone().map(move |scheme| (axis, scheme))).collect();
+    // The schemes that split or iterate without slopes have a theory of these only.
+    let closed = ["closed-box", "closed-box-voidage", "slip", "held-shear", "heat"];
+    let has_theory = |axis: &Axis, scheme: SchemeName| {
+        let more = matches!(
+            scheme,
+            SchemeName::SubCycled
+                | SchemeName::SubCycledExplicit
+                | SchemeName::Strang
+                | SchemeName::GaussSeidel
+        );
+        !more || closed.contains(&axis.name)
+    };
+    let pairs = modes.flat_map(|axis| others.clone().map(move |scheme| (axis, scheme)));
+    let pairs: Vec<(Axis, SchemeName)> = pairs.filter(|(axis, scheme)| has_theory(axis, *scheme)).collect();
     let misses: Vec<String> = pairs.iter().flat_map(|(axis, scheme)| misses(axis, *scheme)).collect();
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }

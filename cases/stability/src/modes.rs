@@ -160,7 +160,7 @@ impl Mixture {
     fn resolved(&self, scheme: SchemeName, b: f64) -> bool {
         let (eps, phi) = (self.voidage(), self.solid);
         let amplified = (b * phi / (eps * eps) * (1.0 + eps) + phi / eps / self.density) / (1.0 + b);
-        scheme != SchemeName::GaussSeidel || amplified < 1e6
+        scheme != SchemeName::GaussSeidel || amplified < 1e5
     }
 
     /// The largest factor in the closed box, in magnitude.
@@ -178,7 +178,7 @@ impl Mixture {
         Some(Map::new([1.0, -phi / eps, -phi / eps, 0.0], |[v, u, f, j]| {
             let [before, after] = splitting.motions();
             let met = before.end(v, f);
-            let expected = met - RETURNED * j;
+            let expected = met - RETURNED * (j + before.got(v, f));
             let now = -phi / eps * met;
             let pushed = (now - u) / self.density / b + phi / eps * (now - expected);
             let forcing = pushed + now;
@@ -231,9 +231,10 @@ impl Mixture {
         let splitting = Splitting::of(scheme, b)?;
         let a = b * self.ratio();
         Some(Map::new([1.0, 0.0], |[u, j]| {
-            let now = (u - a * RETURNED * j) / (1.0 + a);
-            let [before, _] = splitting.motions();
-            [now, (1.0 - RETURNED) * j + before.time * (u - now)]
+            let [before, after] = splitting.motions();
+            let expected = -RETURNED * (j + before.time * u);
+            let now = (u + a * expected) / (1.0 + a);
+            [now, j + before.time * u + after.time * now - (now - expected)]
         }))
     }
 
@@ -324,7 +325,7 @@ impl Splitting {
         Map::new([1.0, 0.0], |[slip, j]| {
             let [before, after] = self.motions();
             let met = before.end(slip, 0.0);
-            let expected = met - RETURNED * j;
+            let expected = met - RETURNED * (j + before.got(slip, 0.0));
             let now = a * expected / (1.0 + a);
             let got = before.got(slip, 0.0) + after.got(met, now);
             [after.end(met, now) - now, j + got - (now - expected)]

@@ -231,7 +231,11 @@ impl Problem for Slip {
         match (self.dt > 0.0, self.end >= self.dt) {
             (false, _) => outside("dt", self.dt, "give a number above 0"),
             (_, false) => outside("end", self.end, "the end is at least one step"),
-            _ => Ok(()),
+            _ => self.scheme.require().map_err(|error| Fault {
+                path: "scheme".into(),
+                notice: error.notice(),
+                unknown: false,
+            }),
         }
     }
 

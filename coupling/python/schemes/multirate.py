@@ -25,7 +25,5 @@ class Multirate:
             system.solve_fluid()
             got = {name: mean + grains[name] / self.count for name, mean in got.items()}
             if k == self.count - 1:
-                for name, mean in got.items():
-                    grains[name] = mean
-                system.move_grains(dt)
+                system.move_grains(dt, **got)
             system.accept()

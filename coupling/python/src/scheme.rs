@@ -313,6 +313,14 @@ impl System {
         })
     }
 
+    /// Number of grains, and whether grains and fluid exchange heat.
+    fn counts(&self, py: Python<'_>) -> PyResult<(usize, bool)> {
+        self.with(py, |held| {
+            let interaction = &held.mixture.interaction;
+            Ok((interaction.force.len(), interaction.load.heat.is_some()))
+        })
+    }
+
     /// Works on the system without the interpreter.
     pub fn with<R: Send>(
         &self,
@@ -375,10 +383,31 @@ impl System {
         })
     }
 
-    /// Moves the grains by `dt` s under `grains["force"]` and `grains["heat"]`, contacts included.
-    #[pyo3(signature = (dt=None))]
-    fn move_grains(&self, py: Python<'_>, dt: Option<f64>) -> PyResult<()> {
+    /// Moves the grains by `dt` s under `force` (g, D), N, and `heat` (g), W, contacts included; without, under those of the
+    /// last solution, `grains["force"]` and `grains["heat"]`.
+    #[pyo3(signature = (dt=None, force=None, heat=None))]
+    fn move_grains(
+        &self,
+        py: Python<'_>,
+        dt: Option<f64>,
+        force: Option<&Bound<'_, PyAny>>,
+        heat: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let (count, warm) = self.counts(py)?;
+        let force = force.map(|force| finite_numbers(force, "force", Some(count), 2)).transpose()?;
+        let heat = match (heat, warm) {
+            (Some(heat), true) => Some(finite_numbers(heat, "heat", Some(count), 1)?),
+            (Some(_), false) => return Err(PyValueError::new_err("`heat` is given, the scene has none")),
+            (None, _) => None,
+        };
         self.with(py, |held| {
+            let interaction = &mut held.mixture.interaction;
+            if let Some(force) = force {
+                interaction.force = vectors(&force);
+            }
+            if let Some(heat) = heat {
+                interaction.heat = heat;
+            }
             held.mixture.move_grains(held.length(dt)?, &mut held.report);
             held.by_law = true;
             Ok(())
@@ -398,10 +427,7 @@ impl System {
         heat: Option<&Bound<'py, PyAny>>,
         dt: Option<f64>,
     ) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
-        let (count, warm) = self.with(py, |held| {
-            let interaction = &held.mixture.interaction;
-            Ok((interaction.force.len(), interaction.load.heat.is_some()))
-        })?;
+        let (count, warm) = self.counts(py)?;
         let force = vectors(&finite_numbers(force, "force", Some(count), 2)?);
         let heat = match (heat, warm) {
             (Some(heat), true) => finite_numbers(heat, "heat", Some(count), 1)?,

@@ -175,10 +175,13 @@ class System:
     def solve_fluid(self, dt: float | None = None) -> None:
         """Solves the fluid over ``dt`` from its last accepted state with the load as it is. Fills
         ``at_grains``, ``grains["force"]`` and ``grains["heat"]``. May be called many times."""
-    def move_grains(self, dt: float | None = None) -> None:
-        """Moves the grains by ``dt`` under ``grains["force"]`` and ``grains["heat"]``, contacts
-        included. Further motions go on from there; at ``accept`` the force and heat on the grains
-        become the means over all of them."""
+    def move_grains(
+        self, dt: float | None = None, force: ArrayLike | None = None, heat: ArrayLike | None = None
+    ) -> None:
+        """Moves the grains by ``dt`` under ``force`` (g, D), N, and ``heat`` (g), W, contacts
+        included; without, under those of the last solution, ``grains["force"]`` and
+        ``grains["heat"]``. Further motions go on from there; at ``accept`` the force and heat on
+        the grains become the means over all of them."""
     def drive_grains(
         self, force: ArrayLike, heat: ArrayLike | None = None, dt: float | None = None
     ) -> tuple[_Floats, _Floats | None]:

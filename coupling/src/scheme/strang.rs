@@ -20,8 +20,11 @@
 //! The splitting gives a second order in time where both halves have it. The fluid and the drag here are of first order, so
 //! that it is the error of the splitting that is smaller.
 //!
-//! **Momentum.** What the grains get in their halves beyond what the fluid loses is carried and given back by half in each
-//! step, as in [`super::anchored`].
+//! **Momentum.** The fluid of one solution drives the second half of its step and the first half of the next one, and what
+//! it loses is compared with what the grains get in these two: what is carried, with what they have got in the first half
+//! when the fluid is solved again. Half of that is given back, as in [`super::anchored`]. Halves of the same step would not
+//! do: they have two pressures, and where the fluid is not much lighter than the grains their difference, given back through
+//! a drag that is small in a short step, grows.
 
 use super::anchored::{Forcing, RETURNED};
 use super::cut::{Part, Trial};
