@@ -191,7 +191,7 @@ sweeps = [{ name = "schemes", refine = "dt", vary = { scheme = ["iterated", "pyt
     )
     assert "aitken.py" in said and "passes" in said
     said = voidage_program(
-        "verify", "--quick", "--quiet", "--only", "fluidisation", "--scheme", "python:aitken.py"
+        "verify", "--quick", "--quiet", "--only", "minimum-fluidisation", "--scheme", "python:aitken.py"
     )
     assert "0 of" in said
 

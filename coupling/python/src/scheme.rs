@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError, TryLockError};
 use voidage_coupling::load::Law;
 use voidage_coupling::motions::{Lost, Motions};
 use voidage_coupling::parts::Part;
-use voidage_coupling::scheme::anchored::{Forcing, RETURNED};
+use voidage_coupling::scheme::anchored::Forcing;
 use voidage_coupling::scheme::cut::{Cut, Cutting, Trial};
 use voidage_coupling::scheme::own::Own;
 use voidage_coupling::scheme::{Options, Scheme, agreement};
@@ -459,7 +459,7 @@ impl System {
     /// Lowers the laws of `load["velocity"]` and `load["temperature"]`, once they are filled, so that the fluid gets
     /// `share` of the impulse and heat that are carried of earlier steps. From then on what grains get beyond what the
     /// fluid loses is carried, so that momentum and heat are kept over the steps.
-    #[pyo3(signature = (share=RETURNED))]
+    #[pyo3(signature = (share=0.5))]
     fn give_back_carried(&self, py: Python<'_>, share: f64) -> PyResult<()> {
         self.with(py, |held| {
             if !(share > 0.0 && share <= 1.0) {
