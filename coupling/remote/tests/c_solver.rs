@@ -13,8 +13,7 @@ use tempfile::TempDir;
 use voidage_coupling::backend::{FluidBackend, FluidStep, Immersed, Model, Solution};
 use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
 use voidage_coupling::exchange::AtGrains;
-use voidage_coupling::scheme::SchemeName;
-use voidage_coupling::scheme::iterated::Iteration;
+use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::unsteady::Unsteady;
 use voidage_coupling::{Coupled, Fluid, Interaction, Laws, Mixture, Result, StepReport, System, TEMPERATURE};
 use voidage_dem::{Dem, Material, Particles, Settings, Wall};
@@ -232,7 +231,7 @@ fn bed(backend: Box<dyn FluidBackend<2>>) -> Result<Coupled<2>> {
     };
     let interaction = Interaction::new(laws, &fluid.mesh, &grains, at)?;
     let system = System::Mixture(Box::new(Mixture::new(grains, fluid, interaction)));
-    Ok(Coupled::new(system, SchemeName::Iterated.build(&Iteration::default(), None)))
+    Ok(Coupled::new(system, SchemeName::Iterated.build(&Options::default())?))
 }
 
 /// Grains and accepted fields, as bits.
