@@ -43,8 +43,9 @@ class Block:
 def blocks(page: str, text: str) -> list[Block]:
     """The blocks of commands of a page, with lines that go on joined and without comments."""
     found = []
-    for body in re.findall(r"^```\n(.*?)^```", text, re.S | re.M):
-        if not body.startswith(PROGRAMS):
+    # With their languages, so that the end of one block is not taken for the start of another.
+    for language, body in re.findall(r"^```([\w-]*)\n(.*?)^```$", text, re.S | re.M):
+        if language or not body.startswith(PROGRAMS):
             continue
         block = Block(page)
         for line in body.replace("\\\n", " ").splitlines():

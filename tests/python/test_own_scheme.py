@@ -1,8 +1,10 @@
 """Coupling schemes of one's own by name, and phases that take a length."""
 
 import os
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -216,3 +218,20 @@ def test_what_is_wrong_with_a_scheme_of_ones_own_is_told(tmp_path, voidage_progr
     runs = "line 3" in told
     said = voidage_program("run", BED, "--scheme", name, "--quiet", code=1 if runs else 2)
     assert told in said
+
+
+def test_an_interrupt_ends_a_run_with_a_scheme_in_python_with_a_checkpoint(program, tmp_path):
+    aitken(tmp_path)
+    arguments = ["run", "bubbling-bed-quick", "--scheme", "python:aitken.py", "--out", "out"]
+    environment = {**os.environ, "VOIDAGE_PYTHON": sys.executable}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    run = subprocess.Popen([program, *arguments], cwd=tmp_path, env=environment, **pipes)
+    for _ in range(600):
+        if (tmp_path / "out" / "series.csv").is_file():
+            break
+        time.sleep(0.1)
+    time.sleep(1.0)
+    run.send_signal(signal.SIGINT)
+    said, _ = run.communicate(timeout=60)
+    assert run.returncode == 1 and "interrupted at t = " in said, said
+    assert (tmp_path / "out" / "checkpoint.voidage").is_file()
