@@ -1,6 +1,7 @@
 //! The quick map: the default scheme passes where steps are not too long for all schemes, the others fail where theory
 //! says; and what all schemes keep.
 
+use rayon::prelude::*;
 use std::path::Path;
 use voidage_campaign::Effort;
 use voidage_coupling::Coupled;
@@ -49,7 +50,8 @@ fn the_other_schemes_fail_where_theory_says() {
     };
     let pairs = modes.flat_map(|axis| others.clone().map(move |scheme| (axis, scheme)));
     let pairs: Vec<(Axis, SchemeName)> = pairs.filter(|(axis, scheme)| has_theory(axis, *scheme)).collect();
-    let misses: Vec<String> = pairs.iter().flat_map(|(axis, scheme)| misses(axis, *scheme)).collect();
+    let misses: Vec<String> =
+        pairs.par_iter().flat_map_iter(|(axis, scheme)| misses(axis, *scheme)).collect();
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
