@@ -1,5 +1,6 @@
 //! What the tests share.
 
+use rayon::prelude::*;
 use std::path::Path;
 use voidage_campaign::Effort;
 use voidage_scene::{Scene, Simulation};
@@ -19,13 +20,13 @@ pub fn verify_quickly(group: &str) {
 /// If there are none, or a finding is outside of what is allowed.
 pub fn solve_quickly(chosen: &[Case]) {
     assert!(!chosen.is_empty(), "there is no case to solve");
-    let mut missed = Vec::new();
-    for case in chosen {
+    let missed = |case: &Case| {
         let outcome = solve(case, Effort::Quick);
         assert!(!outcome.findings.is_empty(), "{} finds nothing", case.name);
         let outside = outcome.findings.into_iter().filter(|finding| !finding.passes());
-        missed.extend(outside.map(|finding| format!("{}: {finding:?}", case.name)));
-    }
+        outside.map(|finding| format!("{}: {finding:?}", case.name)).collect::<Vec<_>>()
+    };
+    let missed: Vec<String> = chosen.par_iter().flat_map_iter(missed).collect();
     assert!(missed.is_empty(), "{}", missed.join("\n"));
 }
 

@@ -43,11 +43,14 @@ def factor(name, b, ratio, voidage, conserve=True):
 
     def step(v, u, f, carried):
         met = end(before, v, f)
-        expected = met - RETURNED * conserve * (carried + got(before, v, f))
+        expected = met - RETURNED * conserve * carried
         now = -solid / voidage * met
         forcing = (now - u) / ratio / b + solid / voidage * (now - expected) + now
         lost = forcing - expected
-        return end(after, met, forcing), now, forcing, carried + got(before, v, f) + got(after, met, forcing) - lost
+        # Each pressure acts for a whole step, and is not carried.
+        ahead = before[0] * ((f - u) - (forcing - now))
+        carried += got(before, v, f) + got(after, met, forcing) - lost - ahead
+        return end(after, met, forcing), now, forcing, carried
 
     states = np.array([step(*state) for state in np.eye(4)]).T
     return max(abs(np.linalg.eigvals(states if conserve else states[:3, :3])))

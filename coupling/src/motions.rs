@@ -5,6 +5,7 @@
 //! whole step: each is a mean over its own time.
 
 use crate::agreement::Comparison;
+use crate::load::GrainLoad;
 use crate::scheme::anchored::{Forcing, velocity_offset};
 use crate::{Agreement, Interaction, Mixture, StepReport};
 use voidage_dem::Vector;
@@ -108,24 +109,36 @@ impl<const D: usize> Mixture<D> {
         share
     }
 
-    /// Lowers the law of the grains, so that the fluid gets a `share` of what is carried of earlier steps, and of what the
-    /// grains have got in this one before the fluid is solved, in the time of a step of `whole` s. From now on what grains
-    /// get beyond what the fluid loses is to be [carried](Self::carry).
+    /// Lowers the law of the grains, so that the fluid gets a `share` of what is carried of earlier steps in the time of a
+    /// step of `whole` s. From now on what grains get beyond what the fluid loses is to be [carried](Self::carry).
+    ///
+    /// Grains that have moved in this step before the fluid is solved got the pressure of the last solution once more,
+    /// and will get that of this one so much less: what is carried lags by this force over their time, from the first step
+    /// on. It is no debt of the fluid, and is left out of what is given back.
     pub fn give_back(&mut self, share: f64, whole: f64) {
         let Self { grains, interaction, motions, .. } = self;
         let (count, moved) = (grains.particles.len(), motions.time);
-        let load = &mut interaction.load;
-        let none = || crate::Carried::none(count, load.heat.is_some());
-        let carried = interaction.carried.get_or_insert_with(none);
+        let Interaction { load, at, carried, .. } = interaction;
+        let ahead =
+            |load: &GrainLoad<D>, i: usize| (load.forcing(at, i) - at.velocity[i] * load.drag[i]) * moved;
+        let carried = carried.get_or_insert_with(|| {
+            let mut first = crate::Carried::none(count, load.heat.is_some());
+            if moved > 0.0 {
+                first.impulse.iter_mut().enumerate().for_each(|(i, impulse)| *impulse = -ahead(load, i));
+                first.change();
+            }
+            first
+        });
         for i in 0..count {
-            let got = if moved > 0.0 { motions.force[i] * moved } else { Vector::zeros() };
-            let impulse = carried.impulse[i] + got;
+            let mut impulse = carried.impulse[i];
+            if moved > 0.0 {
+                impulse += ahead(load, i);
+            }
             load.velocity[i] -= velocity_offset(impulse * share, load.drag[i] * whole);
         }
         if let Some(law) = &mut load.heat {
             for i in 0..count {
-                let got = if moved > 0.0 { motions.heat[i] * moved } else { 0.0 };
-                law.temperature[i] -= law.temperature_offset((carried.heat[i] + got) * share, whole, i);
+                law.temperature[i] -= law.temperature_offset(carried.heat[i] * share, whole, i);
             }
         }
     }
@@ -169,18 +182,13 @@ impl<const D: usize> Mixture<D> {
         Agreement { converged, solves: 1, ..agreement }
     }
 
-    /// Saves the grains, to come back to by [`Self::rewind_grains`] after a motion on trial.
-    pub(crate) fn save_grains(&mut self) {
-        self.grains.save();
-    }
-
-    /// Takes back all motions since [`Self::save_grains`], which came before the first.
+    /// Takes back all motions of the step, before the first of which the grains were saved.
     pub(crate) fn rewind_grains(&mut self) {
         self.grains.rewind();
         self.motions.begin();
     }
 
-    /// The time that the grains moved in a step of `report` so far belongs to one motion: adds another to the report.
+    /// Adds a motion that began at `start` to the report. Those that it goes on from count, and the sweeps of trials too.
     pub(crate) fn report_motion(
         &self,
         now: voidage_dem::StepReport,

@@ -375,6 +375,18 @@ const MISTAKES: &[Mistake] = &[
         &["coupling.added_mass", "explicit", "another scheme"],
     ),
     mistake(
+        "added mass of grains with steps of their own",
+        ["scheme = \"iterated\"", "scheme = \"strang\"\nadded_mass = 0.5"],
+        "added_mass",
+        &["coupling.added_mass", "strang", "another scheme"],
+    ),
+    mistake(
+        "grains that never step",
+        ["scheme = \"iterated\"", "sub_cycling = { steps = 0 }"],
+        "sub_cycling",
+        &["coupling.sub_cycling.steps = 0", "from 1 to 10000"],
+    ),
+    mistake(
         "unknown law of lift",
         ["scheme = \"iterated\"", "lift = \"magnus\""],
         "lift",

@@ -36,6 +36,19 @@ fn a_case_is_found_beside_a_folder_of_its_name() {
     command.current_dir(folder.path()).args(["check", "settling-grain-still"]).assert().success();
 }
 
+/// The water of a droplet expects one step of the grains in it: with ten it was carried along at twice its speed.
+#[test]
+fn schemes_in_which_grains_take_steps_of_their_own_are_refused_beside_a_droplet() {
+    for scheme in ["strang", "sub-cycled", "sub-cycled-explicit"] {
+        let set = format!("coupling.scheme={scheme}");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_voidage"));
+        let output = command.args(["check", "droplet-digging-quick", "--set", &set]).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(scheme) && said.contains("[droplet]"), "{said}");
+    }
+}
+
 #[test]
 fn a_good_scene_has_sizes_and_nothing_unusual() {
     let (code, printed, said) = check(folder(BED).path(), &[]);

@@ -2,6 +2,7 @@
 
 use assert_cmd::Command;
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -202,6 +203,32 @@ fn the_schema_and_the_doctor_speak() {
     let folder = tempfile::tempdir().unwrap();
     voidage().current_dir(folder.path()).arg("doctor").assert().success();
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn the_doctor_looks_for_the_mpirun_of_fenicsx() {
+    let folder = tempfile::tempdir().unwrap();
+    let python = folder.path().join("python");
+    fs::write(&python, "#!/bin/sh\nexit 0\n").unwrap();
+    fs::set_permissions(&python, fs::Permissions::from_mode(0o755)).unwrap();
+    let ranks = || {
+        let mut command = voidage();
+        command.current_dir(folder.path()).env("PATH", folder.path()).env("VOIDAGE_PYTHON", &python);
+        let output = command.arg("doctor").output().unwrap();
+        let said = String::from_utf8(output.stdout).unwrap();
+        said.lines().find(|line| line.starts_with("ranks of fenicsx")).expect(&said).to_owned()
+    };
+    assert!(ranks().contains("one: there is no mpirun beside"), "{}", ranks());
+    let mpirun = folder.path().join("mpirun");
+    fs::write(&mpirun, "").unwrap();
+    assert!(ranks().ends_with(&format!("available, {}", mpirun.display())), "{}", ranks());
+}
+
+#[test]
+fn the_header_of_solvers_in_c_can_be_had_without_a_clone() {
+    let output = voidage().arg("header").output().unwrap();
+    let shipped = include_str!("../../coupling/remote/voidage.h");
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), shipped);
 }
 
 #[test]

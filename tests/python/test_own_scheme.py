@@ -21,16 +21,19 @@ def forcing(system):
     return force + load["known"], load["heat_coefficient"] * at["temperature"]
 
 
-def freeze(system):
+def freeze(system, carries=True):
     load, grains = system.load, system.grains
     load["mobility"] = load["heat_mobility"] = np.zeros_like(load["drag"])
     load["velocity"], load["temperature"] = grains["velocity"], grains["temperature"]
     system.separate_continuity()
-    system.give_back_carried()
+    if carries:
+        system.give_back_carried()
 
 
 class Strang:
     """As the built-in `strang`."""
+
+    begun = False
 
     def half(self, system, dt):
         system.evaluate_closures(dt / 2)
@@ -38,6 +41,12 @@ class Strang:
 
     def solve(self, system, dt):
         system.cut_grains()
+        if not self.begun:
+            # For the pressure of the first half.
+            system.evaluate_closures()
+            freeze(system, carries=False)
+            system.solve_fluid()
+            self.begun = True
         self.half(system, dt)
         system.cut_grains()
         system.evaluate_closures()
@@ -64,13 +73,16 @@ class SubCycled:
 def test_schemes_of_phases_with_lengths_are_the_built_in_ones(scheme, name):
     mine = voidage.Simulation(BED, scheme=scheme())
     built_in = voidage.Simulation(BED, scheme=name)
-    for _ in range(20):
+    for step in range(20):
         reports = [simulation.step() for simulation in (mine, built_in)]
         for report in reports:
             assert report["momentum_exchange_defect"] < 1e-12 and report["energy_exchange_defect"] < 1e-11
         # They say alike how far grains and fluid are apart.
         one, other = (report["agreement"] for report in reports)
         assert one.pop("parts") == other.pop("parts") == 1
+        # Of the shipped ones the solution for the pressure of the first half does not count.
+        more = 1 if step == 0 and scheme is Strang else 0
+        assert one.pop("solutions") == other.pop("solutions") + more
         assert one == other and one["disagreement"] > 0
     assert_same(mine, built_in)
 

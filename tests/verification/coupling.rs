@@ -3,7 +3,6 @@
 use approx::assert_relative_eq;
 use voidage_coupling::closure::{HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::load::Law;
-use voidage_coupling::scheme::anchored::RETURNED;
 use voidage_coupling::scheme::sub_cycled::SubCycling;
 use voidage_coupling::scheme::{Options, Scheme, SchemeName};
 use voidage_coupling::unsteady::Unsteady;
@@ -80,9 +79,9 @@ fn first_factor(scheme: SchemeName, a: f64, b: f64) -> f64 {
         SchemeName::SubCycled => (1.0 + each).powi(-(steps as i32)) / (1.0 + a),
         SchemeName::SubCycledExplicit => (1.0 - each).powi(steps as i32) / (1.0 + a),
         SchemeName::Strang => {
-            // Half of what the grains got before the fluid is solved is given back.
+            // The first half is in a fluid that has followed the grains once already.
             let left = 1.0 / (1.0 + 0.5 * b);
-            left * (left - a / (1.0 + a) * (left + RETURNED * (1.0 - left) / b))
+            left * (left + (1.0 - left) * a / (1.0 + a)) / (1.0 + a)
         }
         _ => 1.0 / (1.0 + a + b),
     }

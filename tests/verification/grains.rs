@@ -1,11 +1,11 @@
 //! The grains: the quick forms of `voidage verify`, and behaviour that is no number of theirs. The value expected is
 //! derived or cited at each test.
 
-mod grains_heat;
-mod grains_identity;
-mod grains_known;
-mod grains_rest;
-mod grains_rolling;
+mod heat;
+mod identity;
+mod known;
+mod rest;
+mod rolling;
 
 use approx::assert_relative_eq;
 use voidage_dem::{Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};

@@ -18,7 +18,7 @@ const LEFT: [&str; 5] = [".git", "target", "out", ".venv", "__pycache__"];
 /// Ends by which a word in backticks on a page is a file, wherever it lies.
 const SOURCES: [&str; 4] = [".rs", ".py", ".toml", ".csv"];
 /// Files that programs write, and those of a user's that pages speak of.
-const WRITTEN: [&str; 20] = [
+const WRITTEN: [&str; 19] = [
     "series.csv",
     "stability.csv",
     "verification.csv",
@@ -38,7 +38,6 @@ const WRITTEN: [&str; 20] = [
     "bed.toml",
     "mybed.toml",
     "slump.toml",
-    "stream.py",
 ];
 /// Pages that lie outside of this repository. In two parts, as this file is read too.
 const OUTSIDE: [[&str; 2]; 4] =
@@ -111,6 +110,12 @@ fn linked(line: &str) -> impl Iterator<Item = &str> {
     targets.chain(pictures).filter(|target| !target.is_empty() && !target.contains(':'))
 }
 
+/// The files that a page shows: blocks whose first line is a comment with a name, `# NAME.py`.
+fn shown(text: &str) -> BTreeSet<&str> {
+    let names = text.split("\n```").filter_map(|block| block.lines().nth(1)?.strip_prefix("# "));
+    names.filter(|name| !name.contains(' ')).collect()
+}
+
 /// Words in backticks that are files of the repository by their end: not patterns, not with something to be filled in.
 fn sources(text: &str) -> impl Iterator<Item = &str> {
     let part = |c: char| c.is_ascii_alphanumeric() || "_-./*<>{}$".contains(c);
@@ -157,6 +162,7 @@ fn resolve(page: &str, target: &str) -> String {
 /// elsewhere files; in Markdown links and pictures too.
 fn wrong(page: &str, text: &str, files: &Files) -> Vec<String> {
     let mut wrong = vec![];
+    let shown = shown(text);
     for (number, line) in text.lines().enumerate() {
         let single = line.replace("``", "`");
         let quoted = single.split('`').skip(1).step_by(2).flat_map(words);
@@ -166,7 +172,8 @@ fn wrong(page: &str, text: &str, files: &Files) -> Vec<String> {
         if page.ends_with(".md") {
             found.extend(linked(line).filter(|to| !files.has(&resolve(page, to), "")).map(String::from));
             let quoted = single.split('`').skip(1).step_by(2).flat_map(sources);
-            found.extend(quoted.filter(|file| !files.somewhere(file, page)).map(String::from));
+            let missing = quoted.filter(|file| !shown.contains(file) && !files.somewhere(file, page));
+            found.extend(missing.map(String::from));
         }
         found.extend(OUTSIDE.map(|parts| parts.concat()).into_iter().filter(|name| line.contains(name)));
         wrong.extend(found.into_iter().map(|name| format!("{page}:{}: `{name}` is not there", number + 1)));
@@ -211,6 +218,8 @@ fn a_wrong_reference_is_found_and_what_is_none_is_not() {
     ] {
         assert_eq!(wrong(&page, &path(line), &known), Vec::<String>::new(), "{line}");
     }
+    let with_file = "\n```python\n# own.py\nimport voidage\n```\n`voidage run --scheme python:own.py`";
+    assert_eq!(wrong(&page, with_file, &known), Vec::<String>::new());
     let in_package = path("the scene cases|bed.toml of this package");
     assert_eq!(wrong(&path("tests|lib.rs"), &in_package, &known), Vec::<String>::new());
     let [pages, .., shared, _] = OUTSIDE.map(|parts| parts.concat());

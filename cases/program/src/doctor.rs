@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Stdio;
 use voidage_coupling::Result;
-use voidage_remote::launch::{fenicsx_interpreter, interpreter, python};
+use voidage_remote::launch::{fenicsx_interpreter, interpreter, mpirun, python};
 use voidage_remote::transport::shared::free_bytes;
 use voidage_scene::recorder::write_whole;
 
@@ -37,6 +37,10 @@ pub fn doctor() -> Result<u8> {
     let dolfinx = "apt-get install --no-install-recommends python3-dolfinx".to_owned();
     let scipy = "apt-get install --no-install-recommends python3-scipy".to_owned();
     python_solver("fenicsx", &fenicsx_interpreter(), &[("dolfinx", dolfinx), ("scipy", scipy), package()]);
+    match mpirun(&fenicsx_interpreter()) {
+        Ok(file) => println!("ranks of fenicsx    available, {}", file.display()),
+        Err(notice) => println!("ranks of fenicsx    one: {}: {}", notice.what, notice.help),
+    }
     let other = interpreter();
     let scikit = format!("{} -m pip install scikit-fem", other.display());
     python_solver("scikit-fem", &other, &[("skfem", scikit), package()]);

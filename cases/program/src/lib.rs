@@ -104,6 +104,8 @@ enum Command {
         #[arg(long)]
         markdown: bool,
     },
+    /// Print `voidage.h`, with which a fluid solver in C or C++ talks with a run of this version.
+    Header,
     /// Solve the fluid of a run in another process, with the Rust solver.
     Serve {
         /// Where the run is: `shm:NAME` or `tcp:HOST:PORT`.
@@ -202,6 +204,10 @@ fn perform(command: Command) -> Result<u8> {
                 (false, true) => print!("{}", keys::page::<Scene>()),
                 (true, true) => print!("{}", keys::page::<Study>()),
             }
+            Ok(0)
+        }
+        Command::Header => {
+            print!("{}", voidage_remote::c::header());
             Ok(0)
         }
         Command::Serve { connect, wait, token } => {

@@ -26,6 +26,13 @@ pub struct Axis {
     pub theory: fn([f64; 2], SchemeName) -> Option<bool>,
 }
 
+impl Axis {
+    /// Whether a scheme can run the axis: those in which the grains take steps of their own know no droplets.
+    pub fn takes(&self, scheme: SchemeName) -> bool {
+        !(scheme.splits() && self.name.starts_with("droplet"))
+    }
+}
+
 /// How a point ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

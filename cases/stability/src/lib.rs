@@ -90,7 +90,10 @@ pub fn stability(options: &Options) -> Result<u8> {
         return Ok(0);
     }
     let mut record = Record::open(&folder, effort)?;
-    let of = |axis: &Axis| if axis.coupled { schemes.clone() } else { vec![SchemeName::default()] };
+    let of = |axis: &Axis| match axis.coupled {
+        true => schemes.iter().copied().filter(|scheme| axis.takes(*scheme)).collect(),
+        false => vec![SchemeName::default()],
+    };
     let mut points = Vec::new();
     for axis in &chosen {
         for point in (axis.points)(effort) {

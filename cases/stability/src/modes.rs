@@ -175,16 +175,21 @@ impl Mixture {
     fn closed_box(&self, scheme: SchemeName, b: f64) -> Option<Map> {
         let splitting = Splitting::of(scheme, b)?;
         let (eps, phi) = (self.voidage(), self.solid);
-        Some(Map::new([1.0, -phi / eps, -phi / eps, 0.0], |[v, u, f, j]| {
+        let pushed =
+            |u: f64, now: f64, expected: f64| (now - u) / self.density / b + phi / eps * (now - expected);
+        // Before the first step the fluid is solved once, if the grains move before it.
+        let [u, v] = [-phi / eps, 1.0];
+        Some(Map::new([v, u, pushed(u, u, v) + u, 0.0], |[v, u, f, j]| {
             let [before, after] = splitting.motions();
             let met = before.end(v, f);
-            let expected = met - RETURNED * (j + before.got(v, f));
+            let expected = met - RETURNED * j;
             let now = -phi / eps * met;
-            let pushed = (now - u) / self.density / b + phi / eps * (now - expected);
-            let forcing = pushed + now;
+            let forcing = pushed(u, now, expected) + now;
             let lost = forcing - expected;
             let got = before.got(v, f) + after.got(met, forcing);
-            [after.end(met, forcing), now, forcing, j + got - lost]
+            // Without the pressures, of which each acts for a whole step.
+            let ahead = before.time * ((f - u) - (forcing - now));
+            [after.end(met, forcing), now, forcing, j + got - lost - ahead]
         }))
     }
 
@@ -226,15 +231,15 @@ impl Mixture {
         }
     }
 
-    /// The same with a scheme that splits: of u and j. The grains get f, since they keep their place.
+    /// The same with a scheme that splits: of u, f and j. The grains get f, since they keep their place.
     fn held(&self, scheme: SchemeName, b: f64) -> Option<Map> {
         let splitting = Splitting::of(scheme, b)?;
         let a = b * self.ratio();
-        Some(Map::new([1.0, 0.0], |[u, j]| {
+        Some(Map::new([1.0, 1.0 / (1.0 + a), 0.0], |[u, f, j]| {
             let [before, after] = splitting.motions();
-            let expected = -RETURNED * (j + before.time * u);
+            let expected = -RETURNED * j;
             let now = (u + a * expected) / (1.0 + a);
-            [now, j + before.time * u + after.time * now - (now - expected)]
+            [now, now, j + before.time * f + after.time * now - (now - expected)]
         }))
     }
 
@@ -320,15 +325,15 @@ impl Splitting {
         self.0
     }
 
-    /// Slip without constraint: of v - u, with u as the origin, and j. `a` is A, or that of the temperatures.
+    /// Slip without constraint: of v - u, f and j, with u as the origin. `a` is A, or that of the temperatures.
     fn slip(&self, a: f64) -> Map {
-        Map::new([1.0, 0.0], |[slip, j]| {
+        Map::new([1.0, a / (1.0 + a), 0.0], |[slip, f, j]| {
             let [before, after] = self.motions();
-            let met = before.end(slip, 0.0);
-            let expected = met - RETURNED * (j + before.got(slip, 0.0));
+            let met = before.end(slip, f);
+            let expected = met - RETURNED * j;
             let now = a * expected / (1.0 + a);
-            let got = before.got(slip, 0.0) + after.got(met, now);
-            [after.end(met, now) - now, j + got - (now - expected)]
+            let got = before.got(slip, f) + after.got(met, now);
+            [after.end(met, now) - now, 0.0, j + got - (now - expected)]
         })
     }
 }

@@ -118,30 +118,33 @@ pub fn check_door(backend: &Backend, host: &Host) -> Result<()> {
 pub fn check_ranks(backend: &Backend) -> Result<()> {
     match backend.ranks() {
         0 | 1 => Ok(()),
-        ranks => mpirun(ranks, &fenicsx_interpreter()).map(drop),
+        ranks => mpirun(&fenicsx_interpreter()).map(drop).map_err(|notice| lacking(ranks, notice)),
     }
 }
 
-/// The `mpirun` that starts so many ranks of an interpreter: the one beside it, which is of the same installation as its
-/// MPI, else the first on the path.
-fn mpirun(ranks: usize, interpreter: &Path) -> Result<PathBuf> {
+/// The `mpirun` that starts ranks of an interpreter: the one beside it, which is of the same installation as its MPI,
+/// else the first on the path.
+///
+/// # Errors
+/// There is none.
+pub fn mpirun(interpreter: &Path) -> std::result::Result<PathBuf, Notice> {
     let folders = std::env::var_os("PATH").unwrap_or_default();
     let beside = interpreter.parent().filter(|folder| !folder.as_os_str().is_empty()).map(Path::to_path_buf);
     let mut places =
         beside.into_iter().chain(std::env::split_paths(&folders)).map(|folder| folder.join("mpirun"));
     places.find(|file| file.is_file()).ok_or_else(|| {
-        let what = format!(
-            "{ranks} ranks of fenicsx: there is no mpirun beside {} or on PATH",
-            interpreter.display()
-        );
-        let help = "apt-get install openmpi-bin, or the mpirun of that Python's MPI; or give 1 rank";
-        Error::input(Notice::new(what, help))
+        let what = format!("there is no mpirun beside {} or on PATH", interpreter.display());
+        Notice::new(what, "apt-get install openmpi-bin, or the mpirun of that Python's MPI; or give 1 rank")
     })
+}
+
+fn lacking(ranks: usize, Notice { what, help }: Notice) -> Error {
+    Error::input(Notice::new(format!("{ranks} ranks of fenicsx: {what}"), help))
 }
 
 /// A command of an interpreter, on several ranks.
 fn on_ranks(ranks: usize, interpreter: &Path, one: &Command) -> Result<Command> {
-    let mut command = Command::new(mpirun(ranks, interpreter)?);
+    let mut command = Command::new(mpirun(interpreter).map_err(|notice| lacking(ranks, notice))?);
     command.args(["-n", &ranks.to_string()]).arg(one.get_program()).args(one.get_args());
     for (name, value) in one.get_envs() {
         match value {

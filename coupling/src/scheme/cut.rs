@@ -93,7 +93,7 @@ impl<T: Trial<D>, const D: usize> Scheme<D> for Cut<T> {
                 mixture.begin_part(part.dt);
             }
             if length > 1 || moves_mesh {
-                mixture.save_grains();
+                mixture.grains.save();
             }
             let accepted = mixture.interaction.at.clone();
             let mut agreement = match self.scheme.solve(mixture, part, &mut report) {

@@ -89,7 +89,7 @@ impl<const D: usize> Trial<D> for Iterated<D> {
         let dt = part.dt;
         mixture.cut_grains(report)?;
         mixture.evaluate_closures(dt, report)?;
-        mixture.save_grains();
+        mixture.grains.save();
         self.forcing.read(mixture);
         rehearse(mixture, dt, &self.forcing, report)?;
         self.relaxer.restart();

@@ -36,6 +36,8 @@ use self::strang::Strang;
 use self::sub_cycled::{SubCycled, SubCycling};
 use crate::agreement::{Agreement, Comparison, Temperatures};
 use crate::droplet::wet::Stream;
+use crate::motions::Lost;
+use crate::parts::Part;
 use crate::{Interaction, Mixture, Notice, StepReport, error::Result};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -54,33 +56,62 @@ pub trait Scheme<const D: usize>: Send {
     fn step(&mut self, mixture: &mut Mixture<D>, dt: f64) -> Result<StepReport>;
 }
 
-/// Schemes by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum SchemeName {
-    /// The drag is implicit in the velocity of the fluid and takes the last velocities of the grains (A.16).
-    Explicit,
-    /// The velocities of the grains are predicted with the contact forces of the last step (A.18 as printed).
-    Henry,
-    /// The velocities of the grains are predicted without contact forces.
-    HenryFree,
-    /// As `henry-free` in the equation of momentum; the equation of mass takes the last velocities of the grains.
-    Lagged,
-    /// The fluid takes a step among grains that keep their velocity, then the grains take several in that fluid, with
-    /// implicit drag.
-    SubCycled,
-    /// The same with explicit drag.
-    SubCycledExplicit,
-    /// The grains take half a step before and half a step after the fluid.
-    Strang,
-    /// The grains are moved on trial first, contacts included, and the fluid is solved once with their response.
-    Anchored,
-    /// As `anchored`, repeated until fluid and grains agree.
+/// The schemes that are shipped: each with its name in scenes and on the command line, and what it does.
+macro_rules! schemes {
+    ($($(#[$default:ident])? $variant:ident $name:literal $about:literal;)*) => {
+        /// Schemes by name.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum SchemeName {
+            $(#[doc = $about] $(#[$default])? $variant,)*
+            /// A scheme of one's own.
+            Own(Own),
+        }
+
+        impl SchemeName {
+            /// All that are shipped.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$variant),*];
+
+            /// The name in scenes and on the command line.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)*
+                    Self::Own(own) => own.name(),
+                }
+            }
+
+            /// What it does, in a sentence.
+            pub fn about(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $about,)*
+                    Self::Own(_) => "A scheme of one's own.",
+                }
+            }
+        }
+    };
+}
+
+schemes! {
+    Explicit "explicit"
+        "The drag is implicit in the velocity of the fluid and takes the last velocities of the grains (A.16).";
+    Henry "henry"
+        "The velocities of the grains are predicted with the contact forces of the last step (A.18 as printed).";
+    HenryFree "henry-free"
+        "The velocities of the grains are predicted without contact forces.";
+    Lagged "lagged"
+        "As `henry-free` in the equation of momentum; the equation of mass takes the last velocities of the grains.";
+    SubCycled "sub-cycled"
+        "The fluid takes a step among grains that keep their velocity, then these take several with implicit drag.";
+    SubCycledExplicit "sub-cycled-explicit"
+        "The same with explicit drag.";
+    Strang "strang"
+        "The grains take half a step before and half a step after the fluid.";
+    Anchored "anchored"
+        "The grains are moved on trial first, contacts included, and the fluid is solved once with their response.";
     #[default]
-    Iterated,
-    /// Fluid and grains are solved in turn with laws without slope and Aitken's relaxation until they agree.
-    GaussSeidel,
-    /// A scheme of one's own.
-    Own(Own),
+    Iterated "iterated"
+        "As `anchored`, repeated until fluid and grains agree.";
+    GaussSeidel "gauss-seidel"
+        "Fluid and grains in turn, with laws without slope and Aitken's relaxation, until they agree.";
 }
 
 /// What the schemes can be told.
@@ -97,40 +128,15 @@ pub struct Options {
 }
 
 impl SchemeName {
-    /// All that are shipped.
-    pub const ALL: [Self; 10] = [
-        Self::Explicit,
-        Self::Henry,
-        Self::HenryFree,
-        Self::Lagged,
-        Self::SubCycled,
-        Self::SubCycledExplicit,
-        Self::Strang,
-        Self::Anchored,
-        Self::Iterated,
-        Self::GaussSeidel,
-    ];
-
-    /// The name in scenes and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Explicit => "explicit",
-            Self::Henry => "henry",
-            Self::HenryFree => "henry-free",
-            Self::Lagged => "lagged",
-            Self::SubCycled => "sub-cycled",
-            Self::SubCycledExplicit => "sub-cycled-explicit",
-            Self::Strang => "strang",
-            Self::Anchored => "anchored",
-            Self::Iterated => "iterated",
-            Self::GaussSeidel => "gauss-seidel",
-            Self::Own(own) => own.name(),
-        }
+    /// Whether the grains take steps of their own beside those of the fluid. The water of a droplet, which expects one
+    /// implicit step of the grains in it, cannot be part of these.
+    pub fn splits(self) -> bool {
+        matches!(self, Self::SubCycled | Self::SubCycledExplicit | Self::Strang)
     }
 
     /// Whether the law has the velocity that the grains will have, so that added mass acts on their acceleration.
     pub fn knows_acceleration(self) -> bool {
-        !matches!(self, Self::Explicit | Self::SubCycled | Self::SubCycledExplicit | Self::Strang)
+        self != Self::Explicit && !self.splits()
     }
 
     /// The same with a file of one's own that is beside `folder` where its path is relative.
@@ -198,7 +204,7 @@ impl Serialize for SchemeName {
 impl<'de> Deserialize<'de> for SchemeName {
     fn deserialize<T: Deserializer<'de>>(deserializer: T) -> std::result::Result<Self, T::Error> {
         let name = String::deserialize(deserializer)?;
-        name.parse().map_err(|notice: Notice| serde::de::Error::custom(notice))
+        name.parse().map_err(|Notice { what, help }| serde::de::Error::custom(format!("{what}: {help}")))
     }
 }
 
@@ -208,11 +214,16 @@ impl JsonSchema for SchemeName {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let names: Vec<&str> = Self::ALL.iter().map(|scheme| scheme.name()).collect();
-        json_schema!({
-            "description": "A coupling scheme, or `python:FILE[:CLASS]`.",
-            "anyOf": [{"type": "string", "enum": names}, {"type": "string", "pattern": "^python:."}]
-        })
+        let named =
+            |name: &str, about: &str| json_schema!({"description": about, "type": "string", "const": name});
+        let mut choices: Vec<Schema> =
+            Self::ALL.iter().map(|scheme| named(scheme.name(), scheme.about())).collect();
+        choices.push(json_schema!({
+            "description": "One of your own, `python:FILE[:CLASS]`.",
+            "type": "string",
+            "pattern": "^python:."
+        }));
+        json_schema!({ "oneOf": choices })
     }
 }
 
@@ -224,6 +235,16 @@ fn expect_frozen<const D: usize>(mixture: &mut Mixture<D>, dt: f64) {
     explicit::expect(grains, interaction, stream, dt);
     let flux = interaction.load.continuity.get_or_insert_default();
     explicit::freeze(grains, &mut flux.mobility, &mut flux.velocity);
+}
+
+/// Carries what the grains got beyond what the fluid `lost` in a part of a step, where anything is carried.
+fn carry<const D: usize>(
+    mixture: &mut Mixture<D>,
+    lost: &Lost<D>,
+    Part { dt, whole }: Part,
+    agreement: Agreement,
+) -> Agreement {
+    Agreement { carried: mixture.carry(lost, dt, whole), ..agreement }
 }
 
 /// Solves the fluid once, with the law that `predict` fills, and moves the grains by the force of the law.

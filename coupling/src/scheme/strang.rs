@@ -15,20 +15,21 @@
 //!     v'  = q v_h + (1 - q) f'.
 //! ```
 //!
-//! v_h is therefore a mode of its own, v_h' = q^2 v_h + (1 - q^2) f' (both halves see f'), with
-//! 1 - q^2 = P B where P = (1 - q^2)/B: that of [`super::sub_cycled`] with two steps of the grains, and grows where that one does.
-//! The splitting gives a second order in time where both halves have it. The fluid and the drag here are of first order, so
-//! that it is the error of the splitting that is smaller.
+//! Between two solutions the grains take two halves under the same f', so that v_h' = q^2 v_h + (1 - q^2) f': the mode of
+//! [`super::sub_cycled`] with two steps of the grains, which grows where that one does. The splitting gives a second order in
+//! time where both halves have it. The fluid and the drag here are of first order.
 //!
-//! **Momentum.** The fluid of one solution drives the second half of its step and the first half of the next one, and what
-//! it loses is compared with what the grains get in these two: what is carried, with what they have got in the first half
-//! when the fluid is solved again. Half of that is given back, as in [`super::anchored`]. Halves of the same step would not
-//! do: they have two pressures, and where the fluid is not much lighter than the grains their difference, given back through
-//! a drag that is small in a short step, grows.
+//! **Momentum.** What the grains get in their halves beyond what the fluid loses is carried, and given back by half in each
+//! step as in [`super::anchored`], but for the pressure: the fluid of one solution drives the second half of its step and the
+//! first half of the next one, so that each pressure acts for a whole step. Its halves given back one by one, through a drag
+//! that is small in a short step, would grow where the fluid is not much lighter than the grains.
+//!
+//! **The first step** begins with a solution that is not accepted: the first half has a pressure then, without which a grain
+//! in a liquid would fall half a step without buoyancy.
 
 use super::anchored::{Forcing, RETURNED};
 use super::cut::{Part, Trial};
-use super::expect_frozen;
+use super::{carry, expect_frozen};
 use crate::motions::Lost;
 use crate::{Agreement, Mixture, StepReport, error::Result};
 
@@ -56,6 +57,11 @@ impl<const D: usize> Trial<D> for Strang<D> {
         report: &mut StepReport,
     ) -> Result<Agreement> {
         mixture.cut_grains(report)?;
+        if mixture.interaction.carried.is_none() {
+            mixture.evaluate_closures(dt, report)?;
+            expect_frozen(mixture, dt);
+            mixture.solve_fluid(dt, report)?;
+        }
         self.advance(mixture, 0.5 * dt, report)?;
         if report.grains.is_some_and(|grains| grains.runaway.is_some()) {
             return Ok(Agreement::default());
@@ -70,12 +76,7 @@ impl<const D: usize> Trial<D> for Strang<D> {
         Ok(mixture.compare(&self.lost, dt))
     }
 
-    fn settle(
-        &mut self,
-        mixture: &mut Mixture<D>,
-        Part { dt, whole }: Part,
-        agreement: Agreement,
-    ) -> Agreement {
-        Agreement { carried: mixture.carry(&self.lost, dt, whole), ..agreement }
+    fn settle(&mut self, mixture: &mut Mixture<D>, part: Part, agreement: Agreement) -> Agreement {
+        carry(mixture, &self.lost, part, agreement)
     }
 }

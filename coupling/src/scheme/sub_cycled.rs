@@ -24,7 +24,7 @@
 
 use super::anchored::{Forcing, RETURNED};
 use super::cut::{Part, Trial};
-use super::expect_frozen;
+use super::{carry, expect_frozen};
 use crate::motions::Lost;
 use crate::{Agreement, Interaction, Mixture, StepReport, error::Result};
 use schemars::JsonSchema;
@@ -112,12 +112,7 @@ impl<const D: usize> Trial<D> for SubCycled<D> {
         Ok(mixture.compare(&self.lost, dt))
     }
 
-    fn settle(
-        &mut self,
-        mixture: &mut Mixture<D>,
-        Part { dt, whole }: Part,
-        agreement: Agreement,
-    ) -> Agreement {
-        Agreement { carried: mixture.carry(&self.lost, dt, whole), ..agreement }
+    fn settle(&mut self, mixture: &mut Mixture<D>, part: Part, agreement: Agreement) -> Agreement {
+        carry(mixture, &self.lost, part, agreement)
     }
 }

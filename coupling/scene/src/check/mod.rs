@@ -119,6 +119,13 @@ pub(super) fn values(scene: &Scene) -> Checked {
             );
             return fail(scene, "coupling.added_mass", message, "take another scheme, or `added_mass` away");
         }
+        if scene.droplet.is_some() && coupling.scheme.splits() {
+            let message = format!(
+                "`coupling.scheme` is \"{}\" beside `[droplet]`, whose water expects one step of the grains in it",
+                coupling.scheme
+            );
+            return fail(scene, "coupling.scheme", message, "take another scheme");
+        }
         if let Err(error) = coupling.scheme.require() {
             let voidage_coupling::Notice { what, help } = error.notice();
             return fail(scene, "coupling.scheme", what, help);
