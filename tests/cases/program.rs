@@ -348,7 +348,7 @@ fn an_interrupt_within_a_long_step_ends_a_run_of_one_thread() {
         let frames = fs::read_dir(out.join("frames")).map_or(0, Iterator::count);
         // Soon after a step has begun to write its frame, the next one has begun.
         frames >= 4 && {
-            std::thread::sleep(Duration::from_millis(200));
+            std::thread::sleep(Duration::from_secs(1));
             true
         }
     };
