@@ -7,7 +7,7 @@ use std::process::Command;
 fn features(build: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
     let mut command = Command::new(env!("CARGO"));
     command.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
-    command.args(["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p}|{f}"]);
+    command.args(["tree", "--locked", "--prefix", "none", "--format", "{p}|{f}"]);
     let output = command.args(build).output().expect("cargo");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let mut found = BTreeMap::<String, BTreeSet<String>>::new();
