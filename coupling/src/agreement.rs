@@ -16,6 +16,8 @@ pub struct Carried<const D: usize> {
     pub displacement: Vec<Vector<D>>,
     /// hA (T* - T) dt, J by grain; empty without heat.
     pub heat: Vec<f64>,
+    /// Whether a grain moves before the fluid is solved, so that its impulse lags by that of a pressure.
+    pub(crate) lags: Vec<bool>,
     /// Sums of impulse (N s) and heat (J) at the last accepted part of a step.
     accepted: (Vector<D>, f64),
 }
@@ -28,6 +30,7 @@ impl<const D: usize> Carried<D> {
             impulse: none.clone(),
             displacement: none,
             heat: vec![0.0; if heat { grains } else { 0 }],
+            lags: vec![false; grains],
             accepted: (Vector::zeros(), 0.0),
         }
     }
@@ -38,6 +41,14 @@ impl<const D: usize> Carried<D> {
         self.displacement[grain] = Vector::zeros();
         let impulse = std::mem::replace(&mut self.impulse[grain], Vector::zeros());
         (impulse, self.heat.get_mut(grain).map_or(0.0, std::mem::take))
+    }
+
+    /// From now on the impulse of a grain lags by this one, N s, which is no debt of the fluid.
+    pub(crate) fn lag(&mut self, grain: usize, impulse: Vector<D>) {
+        if !std::mem::replace(&mut self.lags[grain], true) {
+            self.impulse[grain] -= impulse;
+            self.accepted.0 -= impulse;
+        }
     }
 
     /// By how much the sums of impulse (N s) and heat (J) have grown since this was last asked.

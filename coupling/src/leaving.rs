@@ -133,6 +133,7 @@ impl<const D: usize> crate::Interaction<D> {
         if let Some(carried) = &mut self.carried {
             carried.impulse.resize(n, Vector::zeros());
             carried.displacement.resize(n, Vector::zeros());
+            carried.lags.resize(n, false);
             if self.load.heat.is_some() {
                 carried.heat.resize(n, 0.0);
             }
@@ -170,6 +171,7 @@ impl<const D: usize> crate::Interaction<D> {
                 .into_iter()
                 .for_each(|column| retain(column, keep));
             retain(&mut carried.heat, keep);
+            retain(&mut carried.lags, keep);
             // What is carried of grains that leave goes with them.
             carried.change();
         }

@@ -5,7 +5,6 @@
 //! whole step: each is a mean over its own time.
 
 use crate::agreement::Comparison;
-use crate::load::GrainLoad;
 use crate::scheme::anchored::{Forcing, velocity_offset};
 use crate::{Agreement, Interaction, Mixture, StepReport};
 use voidage_dem::Vector;
@@ -25,6 +24,9 @@ pub struct Motions<const D: usize> {
     pub felt: Vec<Vector<D>>,
     /// Mean temperature in that motion, K; empty without heat.
     pub warmed: Vec<f64>,
+    /// Impulse of the last pressure on grains that moved before the fluid was solved again, N s; empty where they move
+    /// after it.
+    ahead: Vec<Vector<D>>,
 }
 
 /// What the fluid lost for each grain in its last solution, by the law that it was given: force (N) and heat (W).
@@ -66,6 +68,7 @@ impl<const D: usize> Motions<D> {
     /// The next motion is the first.
     pub(crate) fn begin(&mut self) {
         self.time = 0.0;
+        self.ahead.clear();
     }
 
     /// Adds a motion of `dt`; returns the share of it in all.
@@ -114,26 +117,20 @@ impl<const D: usize> Mixture<D> {
     ///
     /// Grains that have moved in this step before the fluid is solved got the pressure of the last solution once more,
     /// and will get that of this one so much less: what is carried lags by this force over their time, from the first step
-    /// on. It is no debt of the fluid, and is left out of what is given back.
+    /// of a grain on. It is no debt of the fluid, and is left out of what is given back.
     pub fn give_back(&mut self, share: f64, whole: f64) {
         let Self { grains, interaction, motions, .. } = self;
         let (count, moved) = (grains.particles.len(), motions.time);
         let Interaction { load, at, carried, .. } = interaction;
-        let ahead =
-            |load: &GrainLoad<D>, i: usize| (load.forcing(at, i) - at.velocity[i] * load.drag[i]) * moved;
-        let carried = carried.get_or_insert_with(|| {
-            let mut first = crate::Carried::none(count, load.heat.is_some());
-            if moved > 0.0 {
-                first.impulse.iter_mut().enumerate().for_each(|(i, impulse)| *impulse = -ahead(load, i));
-                first.change();
-            }
-            first
-        });
+        let carried = carried.get_or_insert_with(|| crate::Carried::none(count, load.heat.is_some()));
+        motions.ahead.clear();
+        if moved > 0.0 {
+            let pressure = |i: usize| load.forcing(at, i) - at.velocity[i] * load.drag[i];
+            motions.ahead.extend((0..count).map(|i| pressure(i) * moved));
+        }
         for i in 0..count {
-            let mut impulse = carried.impulse[i];
-            if moved > 0.0 {
-                impulse += ahead(load, i);
-            }
+            let lag = if carried.lags[i] { motions.ahead.get(i).copied() } else { None };
+            let impulse = carried.impulse[i] + lag.unwrap_or(Vector::zeros());
             load.velocity[i] -= velocity_offset(impulse * share, load.drag[i] * whole);
         }
         if let Some(law) = &mut load.heat {
@@ -149,6 +146,9 @@ impl<const D: usize> Mixture<D> {
         let Self { grains, interaction, motions, .. } = self;
         let Some(carried) = &mut interaction.carried else { return 0.0 };
         let moved = motions.time;
+        for (i, ahead) in motions.ahead.iter().enumerate() {
+            carried.lag(i, *ahead);
+        }
         for (i, impulse) in carried.impulse.iter_mut().enumerate() {
             *impulse += motions.force[i] * moved - lost.force[i] * dt;
         }

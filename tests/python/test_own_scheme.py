@@ -33,7 +33,7 @@ def freeze(system, carries=True):
 class Strang:
     """As the built-in `strang`."""
 
-    begun = False
+    start = None
 
     def half(self, system, dt):
         system.evaluate_closures(dt / 2)
@@ -41,12 +41,12 @@ class Strang:
 
     def solve(self, system, dt):
         system.cut_grains()
-        if not self.begun:
+        self.start = system.time if self.start is None else self.start
+        if system.time == self.start:
             # For the pressure of the first half.
             system.evaluate_closures()
             freeze(system, carries=False)
             system.solve_fluid()
-            self.begun = True
         self.half(system, dt)
         system.cut_grains()
         system.evaluate_closures()

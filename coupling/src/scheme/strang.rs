@@ -24,8 +24,8 @@
 //! first half of the next one, so that each pressure acts for a whole step. Its halves given back one by one, through a drag
 //! that is small in a short step, would grow where the fluid is not much lighter than the grains.
 //!
-//! **The first step** begins with a solution that is not accepted: the first half has a pressure then, without which a grain
-//! in a liquid would fall half a step without buoyancy.
+//! **The first step** of the first grains begins with a solution that is not accepted: the first half has a pressure then,
+//! without which a grain in a liquid would fall half a step without buoyancy.
 
 use super::anchored::{Forcing, RETURNED};
 use super::cut::{Part, Trial};
@@ -57,7 +57,8 @@ impl<const D: usize> Trial<D> for Strang<D> {
         report: &mut StepReport,
     ) -> Result<Agreement> {
         mixture.cut_grains(report)?;
-        if mixture.interaction.carried.is_none() {
+        let begun = |carried: &crate::Carried<D>| carried.lags.is_empty() || carried.lags.contains(&true);
+        if !mixture.interaction.carried.as_ref().is_some_and(begun) {
             mixture.evaluate_closures(dt, report)?;
             expect_frozen(mixture, dt);
             mixture.solve_fluid(dt, report)?;
