@@ -198,9 +198,12 @@ impl<const D: usize> Mixture<D> {
         let before = report.grains.filter(|_| self.motions.time > 0.0);
         let (sweeps, substeps) = (report.grains.map_or(0, |g| g.sweeps), before.map_or(0, |g| g.substeps));
         let now = now.after(before.as_ref());
+        let mut cost = report.grains.map_or_else(Default::default, |g| g.cost);
+        cost.add(&now.cost);
         report.grains = Some(voidage_dem::StepReport {
             sweeps: sweeps + now.sweeps,
             substeps: substeps + now.substeps,
+            cost,
             ..now
         });
         report.phases.contacts += start.elapsed().as_secs_f64();

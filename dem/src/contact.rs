@@ -162,7 +162,6 @@ fn project_cone<const D: usize>(n: &Vector<D>, a: f64, b: Vector<D>, mu: f64) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::space::turned;
     use proptest::prelude::*;
 
     fn contact(bias: f64, friction: f64) -> Contact<2> {

@@ -256,6 +256,7 @@ impl<const D: usize> Dem<D> {
         self.mean_velocity.iter_mut().for_each(|v| *v /= dt);
         self.mean_temperature.iter_mut().for_each(|t| *t /= dt);
         report.wall_heat = self.wall_heat.iter().sum();
+        report.cost = std::mem::take(&mut self.problem.cost);
         report
     }
 

@@ -41,6 +41,7 @@ mod settings;
 mod solver;
 mod space;
 mod stress;
+mod team;
 mod velocity_bounds;
 mod walls;
 
@@ -53,7 +54,7 @@ pub use particles::retain;
 pub use particles::{Heat, Material, Particles, Rotation};
 pub use passage::{Fed, Mouth, Passage, PassageState, Passed, Rate, Sink, Source};
 pub use period::Period;
-pub use settings::{Acceleration, Cohesion, Load, Pair, Settings, Side, StepReport};
+pub use settings::{Acceleration, Cohesion, Cost, Load, Pair, Settings, Side, StepReport};
 pub use space::{Vector, ball, inertia};
 pub use stress::Stress;
 pub use walls::{Motion, Wall};

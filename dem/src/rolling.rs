@@ -32,9 +32,8 @@ use crate::bodies::{Bodies, Shared};
 /// What a contact that resists rolling has beside its [`Contact`](crate::contact::Contact).
 #[derive(Default)]
 pub(crate) struct Rolling {
-    /// q on the second side, N s; its last value, for momentum.
+    /// q on the second side, N s.
     pub impulse: Shared,
-    pub last: Shared,
     /// mu_r.
     pub resistance: f64,
     /// a_i and a_j; 0 for a wall.

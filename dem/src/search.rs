@@ -166,7 +166,8 @@ impl<const D: usize> Search<D> {
     /// All pairs within range, tile by tile; within a tile in an order that keeps neighbours in the list apart.
     fn find_pairs(&mut self, scene: &Scene<D>, problem: &mut Problem<D>) {
         let grains = scene.particles.len();
-        let tiles = &mut problem.tiles;
+        let Problem { tiles, position, radius, .. } = problem;
+        let places = (&position[..], &radius[..]);
         tiles.colours.clone_from(&self.grid.colours);
         tiles.starts.clear();
         tiles.starts.push(0);
@@ -183,7 +184,7 @@ impl<const D: usize> Search<D> {
             let find = |k: usize, chunk: &mut Chunk| {
                 chunk.pairs.clear();
                 chunk.ends.clear();
-                tiles_of(k).for_each(|tile| self.find_in_tile(scene, tile, chunk));
+                tiles_of(k).for_each(|tile| self.find_in_tile(scene, places, tile, chunk));
             };
             parallel::each(&mut chunks, 0, &find);
             for chunk in &chunks {
@@ -198,7 +199,14 @@ impl<const D: usize> Search<D> {
         problem.first_across = across.map_or(self.pairs.len(), |tile| problem.tiles.starts[tile] as usize);
     }
 
-    fn find_in_tile(&self, scene: &Scene<D>, tile: usize, chunk: &mut Chunk) {
+    /// Pairs of a tile; positions and radii are those of the slots.
+    fn find_in_tile(
+        &self,
+        scene: &Scene<D>,
+        (position, radius): (&[Vector<D>], &[f64]),
+        tile: usize,
+        chunk: &mut Chunk,
+    ) {
         let (p, grid, period) = (scene.particles, &self.grid, &scene.settings.period);
         let across = grid.tiles[tile] == Tile::Across;
         let first = chunk.pairs.len();
@@ -211,12 +219,11 @@ impl<const D: usize> Search<D> {
                 chunk.pairs.extend(chunk.near.iter().map(|n| [a as u32, WALL + n.wall]));
             }
             for b in others.into_iter().flatten() {
-                let j = grid.grain_of[b] as usize;
-                let reach = (p.radius[i] + p.radius[j]) * (1.0 + SKIN) + range;
-                let way = p.position[j] - p.position[i];
+                let reach = (radius[a] + radius[b]) * (1.0 + SKIN) + range;
+                let way = position[b] - position[a];
                 let near =
                     period.nearest(way).norm_squared() < reach * reach && period.crosses(&way) == across;
-                if near && !(p.held(i) && p.held(j)) {
+                if near && !(p.held(i) && p.held(grid.grain_of[b] as usize)) {
                     chunk.pairs.push([a as u32, b as u32]);
                 }
             }

@@ -215,6 +215,8 @@ pub struct StepReport {
     pub sweeps: usize,
     /// Contacts relaxed in all sub-steps, and those that could be in the time of measures: the work done.
     pub work: usize,
+    /// What its contacts have cost.
+    pub cost: Cost,
     /// Largest energy of the velocity error of the sub-steps, as the share that [`Settings::tolerance`] bounds.
     pub error: f64,
     /// Largest relative natural map of the sub-steps.
@@ -238,6 +240,49 @@ pub struct StepReport {
     pub heat_iterations: usize,
     /// A grain that forces would throw out of all proportion, and its speed, m/s: then no grain has moved.
     pub runaway: Option<(u32, f64)>,
+}
+
+/// What contacts cost.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Cost {
+    /// Sub-steps, those of repeats and of trials of a coupling scheme included.
+    pub substeps: usize,
+    /// Sweeps of all these sub-steps.
+    pub sweeps: usize,
+    /// Contacts relaxed in the sweeps.
+    pub relaxations: usize,
+    /// Contacts that the sweeps left out because all rests where they lie.
+    pub asleep: usize,
+    /// Wall time of the search for contacts, s.
+    pub search_s: f64,
+    /// Wall time of the sweeps, s.
+    pub sweeps_s: f64,
+    /// Wall time of looks at how far the contacts are from their solution, s.
+    pub measures_s: f64,
+    /// Wall time of corrections over long distances, s.
+    pub corrections_s: f64,
+}
+
+/// Wall times do not count.
+impl PartialEq for Cost {
+    fn eq(&self, other: &Self) -> bool {
+        let counts = |cost: &Self| [cost.substeps, cost.sweeps, cost.relaxations, cost.asleep];
+        counts(self) == counts(other)
+    }
+}
+
+impl Cost {
+    /// Adds that of another step.
+    pub fn add(&mut self, other: &Self) {
+        self.substeps += other.substeps;
+        self.sweeps += other.sweeps;
+        self.relaxations += other.relaxations;
+        self.asleep += other.asleep;
+        self.search_s += other.search_s;
+        self.sweeps_s += other.sweeps_s;
+        self.measures_s += other.measures_s;
+        self.corrections_s += other.corrections_s;
+    }
 }
 
 impl StepReport {

@@ -35,18 +35,15 @@ pub(crate) fn tangent<const D: usize>(normal: &Vector<D>, which: usize) -> Vecto
     if D == 2 {
         return turned(normal);
     }
-    // The axis farthest from the normal, made orthogonal to it, and the product of both.
-    let axis = (0..D).fold(0, |best, a| if normal[a].abs() < normal[best].abs() { a } else { best });
-    let mut first = -normal * normal[axis];
-    first[axis] += 1.0;
-    first.normalize_mut();
-    if which == 0 {
-        return first;
-    }
-    Vector::from_fn(|a, _| {
-        let (b, c) = ((a + 1) % D, (a + 2) % D);
-        normal[b] * first[c] - normal[c] * first[b]
-    })
+    // Two tangents without a case (Duff et al., Journal of Computer Graphics Techniques 6, 2017).
+    let sign = if normal[2] < 0.0 { -1.0 } else { 1.0 };
+    let a = -1.0 / (sign + normal[2]);
+    let b = normal[0] * normal[1] * a;
+    let tangents = [
+        [1.0 + sign * normal[0] * normal[0] * a, sign * b, -sign * normal[0]],
+        [b, sign + normal[1] * normal[1] * a, -normal[1]],
+    ];
+    Vector::from_fn(|axis, _| tangents[which][axis])
 }
 
 /// The unit vector along the first axis.

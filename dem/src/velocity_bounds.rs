@@ -66,13 +66,8 @@ impl<const D: usize> VelocityBounds<D> {
 
     /// Spreads the boxes over the neighbouring zones.
     pub fn close(&mut self, grid: &Grid<D>) {
-        let union = |from: &[VelocityBox<D>], into: &mut Vec<VelocityBox<D>>| {
-            into.clear();
-            into.resize(from.len(), VelocityBox::EMPTY);
-            grid.neighbours(|zone, other| into[zone].merge(&from[other]));
-        };
-        union(&self.own, &mut self.near);
-        union(&self.near, &mut self.own);
+        grid.spread(&self.own, &mut self.near, VelocityBox::merge);
+        grid.spread(&self.near, &mut self.own, VelocityBox::merge);
         self.speed.clear();
         self.speed.extend(self.own.iter().map(|b| b.diagonal() as f32));
     }

@@ -15,7 +15,7 @@ use std::time::Instant;
 use table::{Table, entry, numbers, option};
 use voidage_campaign::plot::panels::{Curve, Panel, grid};
 use voidage_dem::packing::{Amount, Fill, Method, Radii, Region, pour, unobserved};
-use voidage_dem::{ContactForce, Dem, Load, Material, Particles, Partner, Settings, Vector, Wall};
+use voidage_dem::{ContactForce, Cost, Dem, Load, Material, Particles, Partner, Settings, Vector, Wall};
 
 const STEP: f64 = 5e-4;
 const DIAMETER: f64 = 50e-6;
@@ -33,8 +33,23 @@ const TOLD: usize = 10;
 const HEAVY: f64 = 50.0;
 const SPEED: f64 = 0.17;
 
-const HEADER: [&str; 8] =
-    ["grains", "threads", "phase", "steps", "median_s", "mean_s", "sweeps_per_step", "bytes_per_grain"];
+const HEADER: [&str; 15] = [
+    "grains",
+    "threads",
+    "phase",
+    "steps",
+    "median_s",
+    "mean_s",
+    "sweeps_per_step",
+    "bytes_per_grain",
+    "substeps_per_step",
+    "search_s",
+    "sweeps_s",
+    "measures_s",
+    "corrections_s",
+    "ns_a_relaxation",
+    "asleep",
+];
 
 fn at(x: f64, y: f64) -> Vector<2> {
     Vector::<2>::new(x, y)
@@ -86,7 +101,7 @@ fn copies(bed: &Dem<2>, width: f64, silos: usize) -> Dem<2> {
 #[derive(Default)]
 struct Phase {
     seconds: Vec<f64>,
-    sweeps: usize,
+    cost: Cost,
 }
 
 impl Phase {
@@ -99,7 +114,7 @@ impl Phase {
         let (begun, mut still) = (Instant::now(), 0);
         while phase.seconds.len() < steps && !(settle && still == STILL) {
             let start = Instant::now();
-            phase.sweeps += dem.step(STEP, &Load::default()).sweeps;
+            phase.cost.add(&dem.step(STEP, &Load::default()).cost);
             phase.seconds.push(start.elapsed().as_secs_f64());
             let rests = dem.particles.velocity[..disc].iter().all(|v| *v == at(0.0, 0.0));
             still = if rests { still + 1 } else { 0 };
@@ -123,10 +138,18 @@ impl Phase {
         let mean = self.seconds.iter().sum::<f64>() / steps;
         self.seconds.sort_by(f64::total_cmp);
         let median = self.seconds[self.seconds.len() / 2];
+        let cost = &self.cost;
+        let share = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
+        let relaxed = cost.relaxations as f64;
+        let parts = [cost.search_s, cost.sweeps_s, cost.measures_s, cost.corrections_s];
         println!(
-            "{grains},{},{name},{steps},{median:.3e},{mean:.3e},{:.1},{bytes:.0}",
+            "{grains},{},{name},{steps},{median:.3e},{mean:.3e},{:.1},{bytes:.0},{:.1},{},{:.2},{:.2}",
             rayon::current_num_threads(),
-            self.sweeps as f64 / steps,
+            cost.sweeps as f64 / steps,
+            cost.substeps as f64 / steps,
+            parts.map(|part| format!("{:.2e}", part / steps)).join(","),
+            share(1e9 * cost.sweeps_s, relaxed),
+            share(cost.asleep as f64, relaxed + cost.asleep as f64),
         );
     }
 }
@@ -149,7 +172,7 @@ fn bed(count: usize, silos: usize, impact: usize) {
     let region = Region { low: at(0.0, 0.0), high: at(width, 1.0) };
     let mut grains =
         pour(&region, &[], &fill, Method::DropAndRoll, &mut unobserved).expect("the region is high enough");
-    let built = Phase { seconds: vec![start.elapsed().as_secs_f64()], sweeps: 0 };
+    let built = Phase { seconds: vec![start.elapsed().as_secs_f64()], cost: Cost::default() };
     if silos == 1 {
         built.print("built", count, 0.0);
     }

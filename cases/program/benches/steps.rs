@@ -3,7 +3,7 @@
 //!
 //! `cargo bench -p voidage --bench steps -- [--only NAME,..] [--threads 1,2] [--rounds 3] [--out DIR]` runs the program on every scene
 //! to the end of a warm-up, then, so many times, from its checkpoint through the steps that count, and writes `steps.csv` (medians
-//! of the rounds, with the name of the machine), `steps.png` and `flow.png`. What the table in DIR has of this machine and version is
+//! of the rounds, and the parts of the contacts in the last one, with the name of the machine), `steps.png` and `flow.png`. What the table in DIR has of this machine and version is
 //! not run again. Reading the scene and writing pictures are not counted.
 
 mod table;
@@ -45,10 +45,13 @@ const CASES: [Case; 8] = [
     scene("tall-gas", "program/benches/scenes/tall-gas.toml", 5e-4, 160, 20),
 ];
 
+/// Parts of the phase of contacts, as `summary.json` names them.
+const PARTS: [&str; 4] = ["search_s", "sweeps_s", "measures_s", "corrections_s"];
+
 /// Phases of a step, as `summary.json` names them.
 const PHASES: [&str; 7] = ["flow", "energy", "transport", "contacts", "overlap", "exchange", "closure"];
 
-const HEADER: [&str; 17] = [
+const HEADER: [&str; 22] = [
     "case",
     "threads",
     "grains",
@@ -66,6 +69,11 @@ const HEADER: [&str; 17] = [
     "overlap_ms",
     "exchange_ms",
     "closure_ms",
+    "search_ms",
+    "sweeps_ms",
+    "measures_ms",
+    "corrections_ms",
+    "asleep",
 ];
 const TOTAL: usize = 9;
 /// Machine and version stand before the rest of a row.
@@ -128,6 +136,10 @@ fn measure(case: &Case, threads: &str, rounds: usize) -> Outcome<Vec<String>> {
             times.push(1e3 * seconds / case.steps as f64);
         }
     }
+    let of_contacts = |name: &str| last["contacts"][name].as_f64().unwrap_or_default();
+    let parts = PARTS.map(|part| format!("{:.2}", 1e3 * of_contacts(part) / case.steps as f64));
+    let all = of_contacts("relaxations") + of_contacts("asleep");
+    let asleep = if all > 0.0 { of_contacts("asleep") / all } else { 0.0 };
     let whole = (0..rounds).map(|round| times.iter().map(|phase| phase[round]).sum()).collect();
     let count = |name: &str| last[name].as_u64().unwrap_or_default().to_string();
     let mut row =
@@ -138,6 +150,8 @@ fn measure(case: &Case, threads: &str, rounds: usize) -> Outcome<Vec<String>> {
     row.push(count("unconverged_steps"));
     row.push(format!("{:.2}", median(whole)));
     row.extend(times.into_iter().map(|phase| format!("{:.2}", median(phase))));
+    row.extend(parts);
+    row.push(format!("{asleep:.2}"));
     Ok(row)
 }
 

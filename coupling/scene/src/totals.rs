@@ -1,7 +1,7 @@
 //! What adds up over the steps of a run, and what has to be said of it in the end.
 
 use voidage_coupling::{Phases, StepReport};
-use voidage_dem::Partner;
+use voidage_dem::{Cost, Partner};
 
 /// Overlap, as a share of the radius, above which a step is worth a warning: contacts that are solved keep a tenth of
 /// it.
@@ -17,6 +17,8 @@ pub struct Totals {
     pub steps: u64,
     /// Wall time by phase.
     pub phases: Phases,
+    /// What contacts have cost; with grains only.
+    pub contacts: Option<Cost>,
     /// Largest overlap of grains with each other and with walls, as a share of the radius.
     pub max_penetration_over_radius: Option<f64>,
     /// What overlaps so, and in which step.
@@ -103,6 +105,9 @@ impl Totals {
         };
         self.steps += 1;
         self.phases.add(&report.phases);
+        if let Some(grains) = &report.grains {
+            self.contacts.get_or_insert_default().add(&grains.cost);
+        }
         self.remeshings += u64::from(report.remeshed);
         if let Some(grains) = report.grains.filter(|grains| !grains.converged) {
             self.unconverged.add(step, grains.residual);

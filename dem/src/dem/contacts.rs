@@ -5,6 +5,7 @@ use crate::bodies::Bodies;
 use crate::parallel;
 use crate::solver::{Grains, Outcome, Problem, Stopping};
 use crate::{Acceleration, Load, StepReport, Vector};
+use std::time::Instant;
 
 /// Share of the radius by which a contact may close beyond its gap in a sub-step: overlaps are taken back in the next.
 const CLOSING: f64 = 2e-3;
@@ -30,7 +31,10 @@ impl<const D: usize> Dem<D> {
         let stopping = self.stopping([h, step], load);
         let mut error = 0.0;
         for attempt in 1.. {
+            let start = Instant::now();
             search.prepare(&self.scene(h, load), &self.memory, &self.after, &mut problem);
+            problem.cost.search_s += start.elapsed().as_secs_f64();
+            problem.cost.substeps += 1;
             problem.apply_impulses();
             let outcome = self.solve(&mut problem, &search.grid.grain_of, &stopping, load, h);
             report.sweeps += outcome.sweeps;

@@ -1,6 +1,6 @@
 //! Zones of velocities: their numbers, those near a segment, and those next to each other.
 
-use super::{Grid, each_cell, inside};
+use super::{Grid, each_cell};
 use crate::space::Vector;
 
 impl<const D: usize> Grid<D> {
@@ -74,32 +74,38 @@ impl<const D: usize> Grid<D> {
         }
     }
 
-    /// Calls `f(zone, other)` for the zones whose grains may meet, in both orders, and for each with itself.
-    pub fn neighbours(&self, mut f: impl FnMut(usize, usize)) {
-        let dims = self.level_dims(self.base);
-        each_cell(&[0; D], &dims, |q| {
-            let zone = self.zone(q);
-            for offset in &self.around {
-                if let Some(p) = inside(q, offset, &dims) {
-                    f(zone, self.zone(&p));
+    /// For each zone the union of what the zones have whose grains may meet its own, itself among them.
+    pub fn spread<T: Copy>(&self, own: &[T], into: &mut Vec<T>, union: impl Fn(&mut T, &T)) {
+        into.clear();
+        into.extend_from_slice(own);
+        let first = self.zones() - self.wide.len();
+        // Neighbours along one axis after the other are all of them.
+        let mut stride = 1;
+        for cells in self.level_dims(self.base).map(|cells| cells as usize) {
+            let lines = (0..first).step_by(stride * cells).flat_map(|plane| plane..plane + stride);
+            for start in lines {
+                let mut before = None;
+                for zone in (start..start + cells * stride).step_by(stride) {
+                    let here = into[zone];
+                    if let Some(before) = before.replace(here) {
+                        union(&mut into[zone], &before);
+                    }
+                    if zone + stride < start + cells * stride {
+                        let next = into[zone + stride];
+                        union(&mut into[zone], &next);
+                    }
                 }
             }
-        });
-        let first = self.zones() - self.wide.len();
+            stride *= cells;
+        }
+        let mut meet = |a: usize, b: usize| {
+            union(&mut into[a], &own[b]);
+            union(&mut into[b], &own[a]);
+        };
         for (k, wide) in self.wide.iter().enumerate() {
-            f(first + k, first + k);
-            for zone in wide.cells.iter().map(|q| self.zone(q)) {
-                f(first + k, zone);
-                f(zone, first + k);
-            }
+            wide.cells.iter().for_each(|q| meet(first + k, self.zone(q)));
         }
-        for [a, b] in self.wide_pairs.iter().map(|pair| pair.map(|k| first + k as usize)) {
-            f(a, b);
-            f(b, a);
-        }
-        for [a, b] in self.across.iter().map(|pair| pair.zones.map(|zone| zone as usize)) {
-            f(a, b);
-            f(b, a);
-        }
+        self.wide_pairs.iter().for_each(|[a, b]| meet(first + *a as usize, first + *b as usize));
+        self.across.iter().for_each(|pair| meet(pair.zones[0] as usize, pair.zones[1] as usize));
     }
 }

@@ -5,16 +5,17 @@
 //! sweeps wake those around it. It stays awake until momentum starts anew: what momentum remembers of a body holds for
 //! all of its contacts.
 
+use super::batches::{Increments, Units};
 use super::residual::{natural_map, rolling_map};
 use super::runs::FEW_MOVE;
-use super::tiles::FORK_CONTACTS;
+use super::sweep::own;
 use super::{Problem, relative};
-use crate::bodies::{Bodies, Shared};
+use crate::bodies::Bodies;
 use crate::contact::Law;
 use crate::momentum::Momentum;
 use crate::parallel;
-use crate::space::Vector;
 use rayon::prelude::*;
+use std::sync::Mutex;
 
 /// Share of the error that may be left up to which all sleeping tiles together have it.
 const QUIET: f64 = 0.01;
@@ -25,30 +26,19 @@ const CLOSES: f64 = 0.05;
 /// Tiles from one that moves to one that may rest.
 const REACH: usize = 2;
 
-/// Tiles that are swept, and what momentum remembers.
+/// Tiles that are swept.
 #[derive(Default)]
-pub(super) struct Awake<const D: usize> {
+pub(super) struct Awake {
     pub tiles: Vec<bool>,
     /// Contacts of these tiles.
     pub contacts: usize,
     /// Bodies that they move, and whether a body is among them.
     bodies: Vec<u32>,
     moves: Vec<bool>,
-    /// Impulses before the last sweep, and velocities and surface speeds; empty without momentum.
-    pub last: Vec<Vector<D>>,
-    last_velocity: Vec<[Shared; D]>,
-    last_surface: Vec<Shared>,
 }
 
-impl<const D: usize> Awake<D> {
-    /// Contacts of a colour above which its tiles go to several threads.
-    pub fn fork(&self) -> usize {
-        if self.contacts > FORK_CONTACTS { FORK_CONTACTS } else { usize::MAX }
-    }
-}
-
-/// Bodies whose velocities are extrapolated by one thread.
-const CHUNK: usize = 10_000;
+/// Bodies that one thread takes at once.
+const CHUNK: usize = 5_000;
 
 impl<const D: usize> Problem<D> {
     /// Puts all tiles to sleep, and starts momentum anew if it is `on`.
@@ -63,12 +53,6 @@ impl<const D: usize> Problem<D> {
         awake.tiles.resize(self.tiles.len(), false);
         awake.moves.clear();
         awake.moves.resize(self.position.len(), false);
-        let [contacts, bodies] = if on { [self.contacts.len(), self.position.len()] } else { [0, 0] };
-        crate::reserve(&mut awake.last, contacts);
-        awake.last.resize(contacts, Vector::zeros());
-        awake.last_velocity.resize_with(bodies, || std::array::from_fn(|_| Shared::default()));
-        let spinning = if self.bodies.spins() { bodies } else { 0 };
-        awake.last_surface.resize_with(spinning, Shared::default);
         on.then(Momentum::default)
     }
 
@@ -172,59 +156,50 @@ impl<const D: usize> Problem<D> {
     }
 
     fn wake_tile(&mut self, tile: usize) {
-        let (awake, bodies) = (&mut self.awake, &self.bodies);
+        let awake = &mut self.awake;
         let range = self.tiles.contacts(tile);
-        if let Some(rolling) = self.rolling.get(range.clone()) {
-            rolling.iter().for_each(|r| r.last.set(r.impulse.get()));
-        }
         awake.tiles[tile] = true;
         awake.contacts += range.len();
-        for (k, c) in range.clone().zip(&self.contacts[range]) {
-            if let Some(last) = awake.last.get_mut(k) {
-                *last = c.impulse;
-            }
-            for i in [c.i, c.j] {
-                if awake.moves.get_mut(i as usize).is_some_and(|moves| !std::mem::replace(moves, true)) {
-                    awake.bodies.push(i);
-                    remember(bodies, i as usize, &awake.last_velocity, &awake.last_surface);
-                }
+        own(&mut self.batches[tile..]).refresh();
+        for i in self.contacts[range].iter().flat_map(|c| [c.i, c.j]) {
+            if awake.moves.get_mut(i as usize).is_some_and(|moves| !std::mem::replace(moves, true)) {
+                awake.bodies.push(i);
+                self.increments.last[i as usize].set(&[0.0; 4]);
             }
         }
     }
 
-    /// v + beta (v - last v) of the bodies of awake tiles, to match the impulses p + beta (p - last p) that the next
-    /// sweep starts from.
-    pub(super) fn extrapolate(&mut self, beta: f64) {
-        let (bodies, awake) = (&self.bodies, &self.awake);
-        let (last, last_surface) = (&awake.last_velocity, &awake.last_surface);
-        let extrapolate = |some: &[u32]| {
-            for i in some.iter().map(|&i| i as usize) {
-                let v = bodies.velocity(i);
-                let before = Vector::<D>::from_fn(|a, _| last[i][a].get());
-                let s = last_surface.get(i).map(|last| (bodies.surface(i), last.get()));
-                remember(bodies, i, last, last_surface);
-                bodies.set_velocity(i, &(v + (v - before) * beta));
-                if let Some((s, before)) = s {
-                    bodies.set_surface(i, s + (s - before) * beta);
-                }
-            }
-        };
-        if awake.bodies.len() > 2 * CHUNK {
-            awake.bodies.par_chunks(CHUNK).for_each(extrapolate);
+    /// The contacts of another problem: nothing is known of them.
+    pub(super) fn start_batches(&mut self) {
+        crate::reserve(&mut self.batches, self.tiles.len());
+        self.batches.resize_with(self.tiles.len(), Mutex::default);
+        (0..self.tiles.len()).for_each(|tile| own(&mut self.batches[tile..]).clear());
+        self.increments.forget(self.bodies.len(), self.tiles.len());
+    }
+
+    /// Chooses the units of this problem before the first sweep.
+    pub(super) fn start_increments<L: Law>(&mut self) {
+        if self.increments.units.is_none() {
+            self.increments.units = Some(Units::of::<L, D>(self));
+        }
+    }
+
+    /// Forgets what was changed of the velocities of the bodies of awake tiles, and what momentum remembers of them.
+    pub(super) fn forget_increments(&self) {
+        let Increments { now, last, .. } = &self.increments;
+        self.of_awake(|i| {
+            now[i].set(&[0.0; 4]);
+            last[i].set(&[0.0; 4]);
+        });
+    }
+
+    /// Calls `f` with the bodies of awake tiles.
+    fn of_awake(&self, f: impl Fn(usize) + Sync) {
+        let some = |bodies: &[u32]| bodies.iter().for_each(|i| f(*i as usize));
+        if self.awake.bodies.len() > 2 * CHUNK {
+            self.awake.bodies.par_chunks(CHUNK).for_each(some);
         } else {
-            extrapolate(&awake.bodies);
+            some(&self.awake.bodies);
         }
-    }
-}
-
-/// Takes the velocity of a body as its last one, if that is remembered.
-#[inline(always)]
-fn remember<const D: usize>(bodies: &Bodies<D>, i: usize, velocity: &[[Shared; D]], surface: &[Shared]) {
-    if let Some(last) = velocity.get(i) {
-        let v = bodies.velocity(i);
-        (0..D).for_each(|a| last[a].set(v[a]));
-    }
-    if let Some(last) = surface.get(i) {
-        last.set(bodies.surface(i));
     }
 }

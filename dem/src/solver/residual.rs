@@ -1,11 +1,13 @@
 //! The residual of the contacts: their natural map, and what it says of the error.
 
+use super::batches::TileBatches;
 use super::tiles::{NOTHING, add, over_tiles};
 use super::{FORK, Problem, relative, smaller};
 use crate::bodies::Bodies;
 use crate::contact::{Contact, Law};
 use crate::rolling::Rolling;
 use crate::space::Vector;
+use std::sync::Mutex;
 
 /// What one look at all contacts tells.
 pub(super) struct Look {
@@ -33,7 +35,7 @@ impl<const D: usize> Problem<D> {
         crate::reserve(&mut self.tiles.found, count);
         self.tiles.found.resize_with(count, Default::default);
         let tiles = &self.tiles;
-        let tile = |contacts: &mut [Contact<D>], _: &mut [Vector<D>], tile: usize| {
+        let tile = |contacts: &mut [Contact<D>], _: &mut [Mutex<TileBatches<D>>], tile: usize| {
             let (mut sums, first) = (NOTHING, tiles.contacts(tile).start);
             for (k, c) in contacts.iter().enumerate() {
                 let u = relative::<L, D>(bodies, c);

@@ -28,11 +28,12 @@
 //! errors that are none: where friction or cohesion are at their limits they lead out of the law.
 
 use super::residual::Look;
-use super::sweep::{LAGGING, STRONG};
+use super::sweep::STRONG;
 use super::{Grains, Outcome, Problem, Stopping};
 use crate::contact::Law;
 use crate::momentum::Momentum;
 use crate::parallel;
+use std::time::Instant;
 
 /// Sweeps of the first runs, and of all later ones: a warm start may need none. A measure with its correction costs
 /// about as much as ten.
@@ -132,11 +133,11 @@ impl Corrections {
 impl<const D: usize> Problem<D> {
     /// Runs of sweeps until the problem is solved and has settled, or the sweeps are used up.
     pub(super) fn sweeps<L: Law>(&mut self, stopping: &Stopping, grains: &Grains<D>) -> Outcome {
-        self.bounds.clear();
         let corners = self.corners();
         self.coarse.restart(corners, &self.radius, &mut self.uncorrected);
         let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > STRONG);
         self.trend.start(self.position.len());
+        self.start_batches();
         let mut pace = self.sleep(stopping.momentum);
         if !stopping.momentum || stopping.interior {
             self.wake_all();
@@ -166,8 +167,10 @@ impl<const D: usize> Problem<D> {
                 false if run == 0 => Measure::IfSettled,
                 false => Measure::IfSolved,
             };
+            let start = Instant::now();
             let trend = self.trend.error(&self.bodies);
             let judged = self.judge::<L>(stopping, grains, measure, trend);
+            self.cost.measures_s += start.elapsed().as_secs_f64();
             let work = outcome.work + count * self.awake.contacts + judged.work;
             outcome = Outcome { sweeps: outcome.sweeps + count, work, ..judged };
             corrections.learn(run, &outcome);
@@ -221,6 +224,9 @@ impl<const D: usize> Problem<D> {
                 self.wake(outcome.goal, stopping.closing);
             }
         }
+        if outcome.sweeps > 0 {
+            self.polish::<L>();
+        }
         outcome
     }
 
@@ -239,12 +245,7 @@ impl<const D: usize> Problem<D> {
             self.coarse.forget();
         }
         let any = !sweeps.is_empty();
-        for sweep in sweeps {
-            if strong && sweep >= LAGGING {
-                self.follow_bounds();
-            }
-            self.paced_sweep::<L>(pace);
-        }
+        self.sweep::<L>(sweeps, strong, pace);
         if column && any {
             self.coarse.keep(&self.contacts, &self.rolling);
         }
@@ -254,6 +255,13 @@ impl<const D: usize> Problem<D> {
     /// promise need not come true, because impulses that are changed so must be cut back to Coulomb's law; then factors
     /// of the impulses alone follow, which keep them within it.
     fn correct<L: Law>(&mut self, grains: &Grains<D>, wrong: f64) -> bool {
+        let start = Instant::now();
+        let corrected = self.corrected::<L>(grains, wrong);
+        self.cost.corrections_s += start.elapsed().as_secs_f64();
+        corrected
+    }
+
+    fn corrected<L: Law>(&mut self, grains: &Grains<D>, wrong: f64) -> bool {
         let mut kept = std::mem::take(&mut self.uncorrected);
         self.keep_impulses(&mut kept);
         self.uncorrected = kept;

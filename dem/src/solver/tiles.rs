@@ -1,9 +1,10 @@
 //! Tiles of contacts, passes over them, and the sums of a pass.
 
+use super::batches::TileBatches;
 use crate::bodies::Shared;
 use crate::contact::Contact;
-use crate::space::Vector;
 use std::ops::Range;
+use std::sync::Mutex;
 
 /// Ranges of contacts: tile k holds starts[k] .. starts[k + 1]; colour c the tiles colours[c] .. colours[c + 1].
 #[derive(Default)]
@@ -48,54 +49,60 @@ pub(super) fn add(a: Sums, b: Sums) -> Sums {
     (std::array::from_fn(|k| a.0[k] + b.0[k]), a.1.max(b.1))
 }
 
-/// Calls `f(contacts, last, tile)` on each tile of a range, halving it, in parallel above `fork` contacts.
+/// Calls `f(contacts, batches, tile)` on each tile of a range, halving it, in parallel above `fork` contacts. Either may be
+/// empty; `f` then gets none.
 pub(super) fn over_tiles<const D: usize, F>(
     range: Range<usize>,
     starts: &[u32],
     contacts: &mut [Contact<D>],
-    last: &mut [Vector<D>],
+    batches: &mut [Mutex<TileBatches<D>>],
     fork: usize,
     f: &F,
 ) -> Sums
 where
-    F: Fn(&mut [Contact<D>], &mut [Vector<D>], usize) -> Sums + Sync,
+    F: Fn(&mut [Contact<D>], &mut [Mutex<TileBatches<D>>], usize) -> Sums + Sync,
 {
     if range.len() <= 1 {
-        return f(contacts, last, range.start);
+        return f(contacts, batches, range.start);
     }
     let middle = range.start + range.len() / 2;
-    let cut = (starts[middle] - starts[range.start]) as usize;
-    let (left, right) = contacts.split_at_mut(cut);
-    let (past, later) = last.split_at_mut(cut.min(last.len()));
+    let [begin, cut, end] = [range.start, middle, range.end].map(|tile| starts[tile] as usize);
+    let (left, right) = contacts.split_at_mut((cut - begin).min(contacts.len()));
+    let (earlier, later) = batches.split_at_mut((middle - range.start).min(batches.len()));
+    let many = end - begin > fork;
     let (first, second) = (range.start..middle, middle..range.end);
-    if left.len() + right.len() > fork && rayon::current_num_threads() > 1 {
+    if many && rayon::current_num_threads() > 1 {
         let (a, b) = rayon::join(
-            || over_tiles(first, starts, left, past, fork, f),
+            || over_tiles(first, starts, left, earlier, fork, f),
             || over_tiles(second, starts, right, later, fork, f),
         );
         return add(a, b);
     }
-    add(over_tiles(first, starts, left, past, fork, f), over_tiles(second, starts, right, later, fork, f))
+    add(over_tiles(first, starts, left, earlier, fork, f), over_tiles(second, starts, right, later, fork, f))
 }
 
-/// Tiles colour by colour: those of one colour may run at once. `last` is empty or as long as the contacts.
+/// Tiles colour by colour: those of one colour may run at once.
 pub(super) fn over_colours<const D: usize, F>(
     tiles: &Tiles,
     contacts: &mut [Contact<D>],
-    last: &mut [Vector<D>],
+    batches: &mut [Mutex<TileBatches<D>>],
     fork: usize,
     f: F,
 ) -> Sums
 where
-    F: Fn(&mut [Contact<D>], &mut [Vector<D>], usize) -> Sums + Sync,
+    F: Fn(&mut [Contact<D>], &mut [Mutex<TileBatches<D>>], usize) -> Sums + Sync,
 {
     let mut sums = NOTHING;
     for colour in tiles.colours.windows(2).filter(|c| c[0] < c[1]) {
-        let range = tiles.starts[colour[0]] as usize..tiles.starts[colour[1]] as usize;
-        let past = if last.is_empty() { 0..0 } else { range.clone() };
+        let contacts_of = |all: &[Contact<D>]| match all.is_empty() {
+            true => 0..0,
+            false => tiles.starts[colour[0]] as usize..tiles.starts[colour[1]] as usize,
+        };
         let tiles_of = colour[0]..colour[1];
-        sums =
-            add(sums, over_tiles(tiles_of, &tiles.starts, &mut contacts[range], &mut last[past], fork, &f));
+        let batches_of = if batches.is_empty() { 0..0 } else { tiles_of.clone() };
+        let contacts_of = contacts_of(contacts);
+        let (some, batches) = (&mut contacts[contacts_of], &mut batches[batches_of]);
+        sums = add(sums, over_tiles(tiles_of, &tiles.starts, some, batches, fork, &f));
     }
     sums
 }

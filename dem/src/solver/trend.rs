@@ -16,14 +16,11 @@
 use crate::bodies::Bodies;
 use crate::parallel;
 use crate::space::Vector;
-use rayon::prelude::*;
 
 /// Velocities are kept after numbers of sweeps that grow by this factor: 1, 2, 3, 5, 8, 12, ..
 const GROWTH: f64 = 1.5;
 /// Growth of the number of sweeps since velocities were kept from which their change tells something.
 const APART: f64 = 1.2;
-/// Velocities that one thread copies.
-const CHUNK: usize = 10_000;
 
 /// Velocities after some numbers of sweeps.
 #[derive(Default)]
@@ -44,22 +41,14 @@ impl<const D: usize> Trend<D> {
         self.kept.iter_mut().for_each(|kept| kept.resize(bodies, [0.0; D]));
     }
 
-    /// Counts a sweep that is about to start, and keeps the velocities if it is time.
-    pub fn count(&mut self, bodies: &Bodies<D>) {
+    /// Counts a sweep that is about to start, and keeps the velocities, `velocity` of each body, if it is time.
+    pub fn count(&mut self, velocity: impl Fn(usize) -> Vector<D>) {
         let newest = self.at[1];
         if self.known == 0 || self.sweeps as f64 >= (GROWTH * newest as f64).max(newest as f64 + 1.0) {
             self.at = [newest, self.sweeps];
             self.kept.swap(0, 1);
-            let copy = |(chunk, kept): (usize, &mut [[f32; D]])| {
-                for (i, kept) in (chunk * CHUNK..).zip(kept) {
-                    *kept = bodies.velocity(i).map(|v| v as f32).into();
-                }
-            };
-            // Handing work to other threads allocates now and then.
-            if self.kept[1].len() > CHUNK {
-                self.kept[1].par_chunks_mut(CHUNK).enumerate().for_each(copy);
-            } else {
-                self.kept[1].chunks_mut(CHUNK).enumerate().for_each(copy);
+            for (i, kept) in self.kept[1].iter_mut().enumerate() {
+                *kept = velocity(i).map(|v| v as f32).into();
             }
             self.known = (self.known + 1).min(2);
         }
@@ -102,7 +91,7 @@ mod tests {
         let mut trend = Trend::default();
         trend.start(1);
         for k in 0..sweeps {
-            trend.count(&bodies);
+            trend.count(|i| bodies.velocity(i));
             bodies.set_velocity(0, &Vector::<1>::new(law(k + 1)));
         }
         [law(sweeps).powi(2), trend.error(&bodies)]

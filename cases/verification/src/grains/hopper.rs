@@ -157,8 +157,8 @@ fn mankoc(points: &[(f64, f64)]) -> [f64; 2] {
 
 /// Beverloo's (W - k d)^1.5 is the limit of wide openings: k grows with W, so that with k free the exponent of such
 /// openings is above 1.5, also that of Mankoc's law. Over five seeds it must still be 1.5. The quick
-/// form, with narrower openings, is held against the law fitted to the same silos, which tells little more than the fit
-/// itself. Its silos are as high and wide over the opening as those of the full form: in lower ones the exponent is 1.9
+/// form has narrower openings, and between two seeds its exponent differs by up to 0.4: there only the law itself is held
+/// against the silos. Its silos are as high and wide over the opening as those of the full form: in lower ones the exponent is 1.9
 /// to 2.0. A silo may be off the law by the share `allowed`.
 fn run(effort: Effort, rolling: f64, allowed: f64) -> Result<Outcome> {
     let silo = effort.pick(
@@ -180,7 +180,6 @@ fn run(effort: Effort, rolling: f64, allowed: f64) -> Result<Outcome> {
     let exponents: Vec<f64> = (0..seeds).map(|seed| beverloo(&of_seed(seed))).collect();
     let (power, scatter) = mean(&exponents);
     let constants = mankoc(&points);
-    let expected = beverloo(&openings.iter().map(|w| (*w, law(constants, *w))).collect::<Vec<_>>());
     let off = |(w, q): &(f64, f64)| (q / law(constants, *w) - 1.0).abs();
     let worst = largest(points.iter().map(off));
     let title = match rolling {
@@ -198,11 +197,8 @@ fn run(effort: Effort, rolling: f64, allowed: f64) -> Result<Outcome> {
         ..Panel::log_log(title, "opening W / d", "discs per \u{221a}(d/g)")
     };
     let name = format!("exponent of (W - k d) with k free, scatter {scatter:.3}");
-    Ok(Outcome {
-        findings: vec![
-            Finding::at_most("largest deviation of a silo from the law with 1.5", "1", allowed, worst),
-            Finding::absolute(name, "1", effort.pick(expected, 1.5), power, 0.15),
-        ],
-        panels: vec![panel],
-    })
+    let mut findings =
+        vec![Finding::at_most("largest deviation of a silo from the law with 1.5", "1", allowed, worst)];
+    findings.extend(effort.pick(None, Some(Finding::absolute(name, "1", 1.5, power, 0.15))));
+    Ok(Outcome { findings, panels: vec![panel] })
 }

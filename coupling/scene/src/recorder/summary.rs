@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use voidage_coupling::error::{Error, Result};
+use voidage_dem::Cost;
 
 /// What a run was and how it went. Quantities of parts that the scene does not have are absent.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -30,6 +31,9 @@ pub struct Summary {
     pub wall_s: f64,
     /// Wall time by phase of this process, s: overlap, closure, energy, flow, contacts, output, ..
     pub phases_s: BTreeMap<String, f64>,
+    /// What contacts have cost this process, in the phase `contacts`; with grains only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contacts: Option<Cost>,
     /// Number of grains, at the end, as are the other numbers.
     pub grains: usize,
     /// Number of nodes of the fluid mesh.

@@ -331,6 +331,7 @@ impl Simulation {
         summary.penetrating_steps = totals.max_penetration_over_radius.map(|_| totals.penetrating.steps);
         summary.unconverged_steps = totals.unconverged.steps;
         summary.fluid_solves = totals.fluid_solves;
+        summary.contacts = totals.contacts;
         summary.disagreeing_steps = totals.disagreeing.map(|tally| tally.steps);
         summary.remeshings = (totals.remeshings > 0).then_some(totals.remeshings);
         summary.momentum_exchange_defect = totals.momentum_exchange_defect;
