@@ -58,7 +58,7 @@ pub(super) struct Batch<const D: usize> {
     pub friction: Lanes,
 }
 
-/// What eight contacts that resist rolling have beside that: the law of [`Rolling`] for changes.
+/// What eight contacts that resist rolling have beside that: the law of [`Rolling`] for changes. Names as in [`Batch`].
 #[derive(Clone)]
 #[repr(C)]
 pub(super) struct RollingBatch {
@@ -94,9 +94,14 @@ pub(super) struct TileBatches<const D: usize> {
     /// Contacts of each batch, as numbers within the tile; [`NONE`] in empty places.
     contacts: Vec<[u32; LANES]>,
     built: bool,
+    /// Problems in a row in which the tile slept.
+    slept: usize,
     /// Whether momentum starts anew.
     fresh: bool,
 }
+
+/// Problems in which a tile sleeps after which the room for its batches is given back.
+const IDLE: usize = 100;
 
 /// No contact, no place.
 const NONE: u32 = u32::MAX;
@@ -226,9 +231,13 @@ impl<const D: usize> Exact<'_, D> {
 }
 
 impl<const D: usize> TileBatches<D> {
-    /// Forgets the contacts.
+    /// Forgets the contacts, and gives their room back when many problems in a row have done without.
     pub fn clear(&mut self) {
-        self.built = false;
+        let swept = std::mem::take(&mut self.built);
+        self.slept = if swept { 0 } else { self.slept + 1 };
+        if self.slept == IDLE {
+            *self = Self::default();
+        }
     }
 
     /// The contacts in the order in which sweeps take them.
@@ -253,7 +262,6 @@ impl<const D: usize> TileBatches<D> {
         self.bounds.clear();
         self.bodies.clear();
         self.contacts.clear();
-        let mut places = [[0; LANES]; 2];
         let mut batches = std::mem::take(&mut self.batches);
         batches.clear();
         // Batches of the window that each body is in, those that have room, and the first of them.
@@ -294,8 +302,6 @@ impl<const D: usize> TileBatches<D> {
             }
             self.contacts[first + batch][lane] = k as u32;
             let batch = &mut batches[first + batch];
-            places[0][lane] = i;
-            places[1][lane] = j;
             (batch.bodies[0][lane], batch.bodies[1][lane]) = (i, j);
             batch.fill(lane, c, exact, increments.units().mass);
         }
