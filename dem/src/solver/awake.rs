@@ -35,6 +35,10 @@ pub(super) struct Awake {
     /// Bodies that they move, and whether a body is among them.
     bodies: Vec<u32>,
     moves: Vec<bool>,
+    /// The awake tiles in the order in which a run takes them; the first of each colour, and how many it has.
+    pub order: Vec<u32>,
+    pub firsts: Vec<usize>,
+    pub counts: Vec<usize>,
 }
 
 /// Bodies that one thread takes at once.
@@ -181,6 +185,18 @@ impl<const D: usize> Problem<D> {
     pub(super) fn start_increments<L: Law>(&mut self) {
         if self.increments.units.is_none() {
             self.increments.units = Some(Units::of::<L, D>(self));
+        }
+    }
+
+    /// Lists the awake tiles.
+    pub(super) fn order_awake(&mut self) {
+        let Awake { tiles, order, firsts, counts, .. } = &mut self.awake;
+        [&mut *firsts, counts].into_iter().for_each(Vec::clear);
+        order.clear();
+        for colour in self.tiles.colours.windows(2) {
+            firsts.push(order.len());
+            order.extend((colour[0]..colour[1]).filter(|tile| tiles[*tile]).map(|tile| tile as u32));
+            counts.push(order.len() - firsts[firsts.len() - 1]);
         }
     }
 

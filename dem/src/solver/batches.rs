@@ -31,6 +31,7 @@ use crate::contact::{Contact, Law};
 use crate::rolling::Rolling;
 use crate::space::{Vector, tangent};
 use std::array::from_fn;
+use std::cell::RefCell;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -101,7 +102,7 @@ pub(super) struct TileBatches<const D: usize> {
 }
 
 /// Problems in which a tile sleeps after which the room for its batches is given back.
-const IDLE: usize = 100;
+const IDLE: usize = 20;
 
 /// No contact, no place.
 const NONE: u32 = u32::MAX;
@@ -230,6 +231,11 @@ impl<const D: usize> Exact<'_, D> {
     }
 }
 
+thread_local! {
+    /// Scratch of [`TileBatches::build`].
+    static TAKEN: RefCell<Vec<u64>> = const { RefCell::new(vec![]) };
+}
+
 impl<const D: usize> TileBatches<D> {
     /// Forgets the contacts, and gives their room back when many problems in a row have done without.
     pub fn clear(&mut self) {
@@ -254,9 +260,19 @@ impl<const D: usize> TileBatches<D> {
     /// Puts the contacts into batches, if that has not been done. Each goes to the first batch that has a place and
     /// neither of its bodies; a batch is out of reach when 64 have been begun after it.
     pub fn build(&mut self, contacts: &[Contact<D>], exact: &Exact<D>, increments: &Increments) {
-        if std::mem::replace(&mut self.built, true) {
-            return;
+        if !std::mem::replace(&mut self.built, true) {
+            TAKEN.with_borrow_mut(|taken| self.fill(contacts, exact, increments, taken));
         }
+    }
+
+    /// `taken` says of each body which batches of a window of 64 have it.
+    fn fill(
+        &mut self,
+        contacts: &[Contact<D>],
+        exact: &Exact<D>,
+        increments: &Increments,
+        taken: &mut Vec<u64>,
+    ) {
         self.fresh = true;
         self.lags.clear();
         self.bounds.clear();
@@ -264,8 +280,8 @@ impl<const D: usize> TileBatches<D> {
         self.contacts.clear();
         let mut batches = std::mem::take(&mut self.batches);
         batches.clear();
-        // Batches of the window that each body is in, those that have room, and the first of them.
-        let mut taken: Vec<u64> = vec![];
+        taken.clear();
+        // Batches of the window that have room, and the first one.
         let (mut open, mut first) = (0_u64, 0);
         let mut filled = [0_usize; 64];
         for (k, c) in contacts.iter().enumerate() {

@@ -40,19 +40,14 @@ impl<const D: usize> Problem<D> {
         self.cost.asleep += sweeps.len() * (self.contacts.len() - self.awake.contacts);
         self.start_increments::<L>();
         self.begin::<L>();
-        let Self { bodies, tiles, awake, batches, increments, trend, .. } = self;
+        self.order_awake();
+        let Self { bodies, awake, batches, increments, trend, .. } = self;
         let (bodies, awake, batches, increments) = (&*bodies, &*awake, &*batches, &*increments);
-        let colours: Vec<Vec<usize>> = tiles
-            .colours
-            .windows(2)
-            .map(|colour| (colour[0]..colour[1]).filter(|tile| awake.tiles[*tile]).collect())
-            .collect();
-        let counts: Vec<usize> = colours.iter().map(Vec::len).collect();
         let (step, lags) = (AtomicU32::new(0), AtomicBool::new(false));
         let momentum = pace.is_some();
         let task = |colour: usize, k: usize| {
             let beta = momentum.then(|| f32::from_bits(step.load(Relaxed)));
-            let tile = colours[colour][k];
+            let tile = awake.order[awake.firsts[colour] + k] as usize;
             let mut batches = batches[tile].lock().expect("a tile in a panic");
             let sums = if lags.load(Relaxed) {
                 batches.follow_bounds(FOLLOW);
@@ -63,17 +58,17 @@ impl<const D: usize> Problem<D> {
             (0..2).for_each(|a| increments.sums[tile][a].set(sums[a]));
         };
         let threads = if awake.contacts > SHARED { rayon::current_num_threads() } else { 1 };
-        Team::run(threads, &counts, task, |team| {
+        Team::run(threads, &awake.counts, task, |team| {
             for sweep in sweeps {
                 lags.store(strong && sweep >= LAGGING, Relaxed);
                 trend.count(|i| increments.velocity(bodies, i));
                 if let Some(pace) = pace {
                     step.store((pace.beta as f32).to_bits(), Relaxed);
                 }
-                (0..counts.len()).for_each(|colour| team.phase(colour));
+                (0..awake.counts.len()).for_each(|colour| team.phase(colour));
                 if let Some(pace) = pace {
-                    let sum =
-                        |a: usize| colours.iter().flatten().map(|tile| increments.sums[*tile][a].get()).sum();
+                    let of = |tile: &u32, a: usize| increments.sums[*tile as usize][a].get();
+                    let sum = |a: usize| awake.order.iter().map(|tile| of(tile, a)).sum();
                     pace.update(sum(0), sum(1));
                 }
             }
