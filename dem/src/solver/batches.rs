@@ -141,7 +141,7 @@ impl Units {
 }
 
 /// What a run has changed of the velocity of a body and of its surface speed, which stands behind; several threads may
-/// hold it as they may a [`Shared`](crate::bodies::Shared).
+/// hold it as they may a [`Shared`].
 #[derive(Default)]
 pub(super) struct Increment([AtomicU64; 2]);
 

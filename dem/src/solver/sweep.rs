@@ -295,8 +295,7 @@ fn within<E: Eight, const D: usize>(change: [E; D], base: [E; D], more: E, up: E
         cut[1] = change[1].max(-(more + base[1])).min(up);
         return cut;
     }
-    let zero = more - more;
-    let product = |x: &[E; D], y: &[E; D]| (1..D).fold(zero, |sum, a| x[a].mul_add(y[a], sum));
+    let product = |x: &[E; D], y: &[E; D]| (2..D).fold(x[1] * y[1], |sum, a| x[a].mul_add(y[a], sum));
     let all: [E; D] = from_fn(|a| base[a] + change[a]);
     let [square, before] = [product(&change, &change), product(&base, &base)];
     let [size, length] = [product(&all, &all).sqrt(), before.sqrt()];
