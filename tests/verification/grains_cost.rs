@@ -58,8 +58,7 @@ fn a_plain_scene_is_small_and_allocates_nothing() {
     }
     let bytes = (LIVE.load(Relaxed) - before) as f64 / n as f64;
     println!("{bytes:.0} bytes per grain");
-    // Some 220 of them are what sweeps keep of tiles that were swept lately, which are nearly all here: around a few
-    // contacts friction keeps sweeps going.
+    // Some 220 of them are what sweeps keep of the contacts of tiles that were ever swept.
     assert!(bytes <= 800.0, "{bytes} bytes per grain");
 
     let calls = CALLS.load(Relaxed);

@@ -95,14 +95,9 @@ pub(super) struct TileBatches<const D: usize> {
     /// Contacts of each batch, as numbers within the tile; [`NONE`] in empty places.
     contacts: Vec<[u32; LANES]>,
     built: bool,
-    /// Problems in a row in which the tile slept.
-    slept: usize,
     /// Whether momentum starts anew.
     fresh: bool,
 }
-
-/// Problems in which a tile sleeps after which the room for its batches is given back.
-const IDLE: usize = 20;
 
 /// No contact, no place.
 const NONE: u32 = u32::MAX;
@@ -237,13 +232,9 @@ thread_local! {
 }
 
 impl<const D: usize> TileBatches<D> {
-    /// Forgets the contacts, and gives their room back when many problems in a row have done without.
+    /// Forgets the contacts.
     pub fn clear(&mut self) {
-        let swept = std::mem::take(&mut self.built);
-        self.slept = if swept { 0 } else { self.slept + 1 };
-        if self.slept == IDLE {
-            *self = Self::default();
-        }
+        self.built = false;
     }
 
     /// The contacts in the order in which sweeps take them.
