@@ -40,7 +40,8 @@ use crate::rolling::Rolling;
 use crate::settings::Cost;
 use crate::space::Vector;
 use awake::Awake;
-use batches::{Increments, TileBatches};
+use batches::TileBatches;
+use increments::Increments;
 use runs::Measure;
 pub(crate) use runs::REST;
 use std::sync::Mutex;
@@ -50,6 +51,7 @@ use trend::Trend;
 
 mod awake;
 mod batches;
+mod increments;
 mod lanes;
 mod residual;
 mod runs;

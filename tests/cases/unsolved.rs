@@ -47,7 +47,7 @@ to = [0.1, 0.055]
 motion = { velocity = [0.0, -0.09] }
 "#;
 
-/// m/s. With a quarter of such lids (other speeds, friction, density) a grain is thrown before the run stops.
+/// m/s. With two or three of eight such lids (other speeds, friction, density) a grain is thrown before the run stops.
 const LID: f64 = 0.09;
 /// m.
 const HEIGHT: f64 = 0.055;

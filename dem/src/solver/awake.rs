@@ -5,7 +5,7 @@
 //! sweeps wake those around it. It stays awake until momentum starts anew: what momentum remembers of a body holds for
 //! all of its contacts.
 
-use super::batches::{Increments, Units};
+use super::increments::{Increments, Units};
 use super::residual::{natural_map, rolling_map};
 use super::runs::FEW_MOVE;
 use super::sweep::own;

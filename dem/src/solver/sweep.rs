@@ -1,7 +1,8 @@
 //! Sweeps: each contact solved by itself, batch after batch.
 
 use super::Problem;
-use super::batches::{Exact, Increments, RollingBatch, TileBatches};
+use super::batches::{Exact, RollingBatch, TileBatches};
+use super::increments::Increments;
 use super::lanes::{Eight, LANES};
 use super::tiles::{FORK_CONTACTS, NOTHING, over_colours, over_tiles};
 use crate::contact::{Contact, Law};

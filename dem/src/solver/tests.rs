@@ -192,6 +192,21 @@ fn they_are_so_in_space() {
     with_law::<Coulomb<false, true>, 3>(4, 0.4);
 }
 
+#[test]
+fn the_cost_tells_contacts_that_are_swept_from_those_that_sleep() {
+    type L = Coulomb<true, false>;
+    let mut problem = lattice::<L, 2>(9, 0.4);
+    let contacts = problem.contacts.len();
+    problem.start_batches();
+    let mut pace = problem.sleep(true);
+    problem.sweep::<L>(0..7, false, &mut pace);
+    problem.wake_all();
+    problem.sweep::<L>(7..30, false, &mut pace);
+    let cost = &problem.cost;
+    assert_eq!((cost.sweeps, cost.asleep, cost.relaxations), (30, 7 * contacts, 23 * contacts));
+    assert!(cost.sweeps_s > 0.0 && cost.search_s + cost.measures_s + cost.corrections_s == 0.0);
+}
+
 /// The batches of all contacts of a lattice, at the start of a run.
 fn batches<L: Law, const D: usize>(along: usize, friction: f64) -> (TileBatches<D>, usize) {
     let mut problem = lattice::<L, D>(along, friction);
