@@ -11,6 +11,7 @@
 //!
 //! Results are the same bit for bit on any number of threads.
 
+mod approach;
 mod band;
 mod bodies;
 mod bonds;

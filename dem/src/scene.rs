@@ -1,5 +1,6 @@
 //! One sub-step as it starts: free motion of the grains, and the contacts between them and with walls.
 
+use crate::approach::{self, Meeting};
 use crate::bodies::Bodies;
 use crate::contact::Contact;
 use crate::laws::{self, Law, Laws};
@@ -24,10 +25,11 @@ pub(crate) struct Scene<'a, const D: usize> {
     pub rest: f64,
 }
 
-/// A contact with a wall: which one.
+/// A contact with a wall: which one, and how.
 #[derive(Clone, Copy)]
-pub(crate) struct Touch {
+pub(crate) struct Touch<const D: usize> {
     pub wall: u32,
+    pub meeting: Meeting<D>,
 }
 
 impl<const D: usize> Scene<'_, D> {
@@ -221,9 +223,9 @@ impl<const D: usize> Scene<'_, D> {
     pub fn between_grains(&self, slots: [u32; 2], [i, j]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
         let (p, i, j) = (self.particles, i as usize, j as usize);
         let arm = self.settings.period.nearest(p.position[j] - p.position[i]);
-        let distance = arm.norm();
-        let normal = if distance > 0.0 { arm / distance } else { crate::space::first_axis() };
-        let gap = distance - p.radius[i] - p.radius[j];
+        let [from, to] = slots.map(|slot| bodies.velocity(slot as usize));
+        let (r, other) = (p.radius[i], p.radius[j]);
+        let (normal, gap) = approach::of_discs(arm, (to - from) * self.h, r.min(other), r + other);
         let (a, b) = (p.material[i], p.material[j]);
         let before = (p.velocity[j] - p.velocity[i]).dot(&normal);
         let law = self.law_between(a, b);
@@ -236,30 +238,34 @@ impl<const D: usize> Scene<'_, D> {
         self.settings.period.image(*x, &self.placed[wall as usize].point(0.5))
     }
 
-    /// Adds the body of a wall where grain i touches it.
-    pub fn push_wall(&self, touch: Touch, i: usize, bodies: &mut Bodies<D>) {
-        let placed = &self.placed[touch.wall as usize];
-        bodies.push(
-            &placed.velocity_at(placed.nearest(&self.beside(touch.wall, &self.particles.position[i]))),
-            0.0,
-        );
+    /// How grain i, which goes freely, meets a wall.
+    pub fn meet_wall(&self, i: usize, wall: u32, free: &Vector<D>) -> Meeting<D> {
+        let placed = &self.placed[wall as usize];
+        let centre = self.beside(wall, &self.particles.position[i]);
+        let way = (free - placed.velocity_at(placed.nearest(&centre))) * self.h;
+        let endless = self.settings.period.spans(&placed.points);
+        approach::with_wall(placed, (&centre, self.particles.radius[i]), &way, endless)
+    }
+
+    /// Adds the body of a wall where a grain touches it.
+    pub fn push_wall(&self, touch: &Touch<D>, bodies: &mut Bodies<D>) {
+        bodies.push(&self.placed[touch.wall as usize].velocity_at(touch.meeting.share), 0.0);
         if bodies.spins() {
             bodies.push_spin(0.0, 0.0);
         }
     }
 
     /// The contact of grain i with a wall whose body is there, and its gap.
-    pub fn with_wall(&self, slots: [u32; 2], [i, w]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
-        let (p, i) = (self.particles, i as usize);
-        let placed = &self.placed[w as usize];
-        let centre = self.beside(w, &p.position[i]);
-        let share = placed.nearest(&centre);
-        let arm = placed.point(share) - centre;
-        let distance = arm.norm();
-        let normal = if distance > 1e-12 * p.radius[i] { arm / distance } else { placed.side() };
-        let gap = distance - p.radius[i];
+    pub fn with_wall(
+        &self,
+        slots: [u32; 2],
+        i: u32,
+        touch: &Touch<D>,
+        bodies: &Bodies<D>,
+    ) -> (Contact<D>, f64) {
+        let (p, i, Meeting { normal, gap, .. }) = (self.particles, i as usize, touch.meeting);
         let before = (bodies.velocity(slots[1] as usize) - p.velocity[i]).dot(&normal);
-        let law = self.law_at(w, p.material[i]);
+        let law = self.law_at(touch.wall, p.material[i]);
         let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
     }

@@ -1,5 +1,6 @@
 //! From positions to the contact problem of a sub-step: who may meet, in which order, and how.
 
+use crate::approach::Meeting;
 use crate::bodies::Bodies;
 use crate::contact::Contact;
 use crate::memory::{Memory, Record, WALL};
@@ -26,7 +27,7 @@ pub(crate) struct Search<const D: usize> {
     /// Pairs of slots, or slot and `WALL` + number, tile by tile.
     pairs: Vec<[u32; 2]>,
     /// Contacts with walls, in the order of the bodies behind the grains.
-    pub touches: Vec<Touch>,
+    pub touches: Vec<Touch<D>>,
     /// Age of each contact, s; empty without cohesion.
     pub ages: Vec<f64>,
     /// Walls near each zone: `wall_of[wall_starts[c] .. wall_starts[c + 1]]`.
@@ -54,12 +55,20 @@ struct Chunk {
 /// Parts that are looked for at once where there are many grains; their number does not depend on that of threads.
 const CHUNKS: usize = 16;
 
-/// A wall near a grain, and whether the nearest point is one of its ends.
+/// A wall near a grain, and where and when they [meet](Meeting).
 #[derive(Clone, Copy)]
 struct Near {
     wall: u32,
     share: f64,
+    when: f64,
     distance: f64,
+}
+
+impl Near {
+    /// Whether a grain meets this wall before another one: earlier, or at the same time and nearer.
+    fn before(&self, other: &Self) -> bool {
+        self.when < other.when || self.when == other.when && self.distance < other.distance * (1.0 - 1e-12)
+    }
 }
 
 impl<const D: usize> Search<D> {
@@ -356,8 +365,8 @@ fn expected<const D: usize>(scene: &Scene<D>, i: usize, free: Vector<D>) -> Vect
 /// Walls whose gap to grain i is within range, each corner once.
 ///
 /// A grain that meets the end of one wall while another wall passes through that end would meet the same
-/// point twice, or stumble over the joint of two collinear walls: an end counts only if no other wall is nearer (or as
-/// near, with a smaller number).
+/// point twice, or stumble over the joint of two collinear walls: an end counts only if no other wall is met before (or
+/// at the same time, with a smaller number).
 fn near_walls<const D: usize>(scene: &Scene<D>, i: usize, walls: &[u32], range: f64, near: &mut Vec<Near>) {
     let (x, r) = (&scene.particles.position[i], scene.particles.radius[i]);
     near.clear();
@@ -367,11 +376,16 @@ fn near_walls<const D: usize>(scene: &Scene<D>, i: usize, walls: &[u32], range: 
         let share = placed.nearest(&x);
         let distance = (placed.point(share) - x).norm();
         if distance < r * (1.0 + SKIN) + range {
-            near.push(Near { wall, share, distance });
+            near.push(Near { wall, share, when: 0.0, distance });
         }
     }
     if near.len() < 2 {
         return;
+    }
+    let free = scene.free_velocity(i);
+    for n in near.iter_mut() {
+        let Meeting { share, when, distance, .. } = scene.meet_wall(i, n.wall, &free);
+        *n = Near { share, when, distance, ..*n };
     }
     let all = std::mem::take(near);
     let hidden = |k: usize| {
@@ -387,9 +401,7 @@ fn near_walls<const D: usize>(scene: &Scene<D>, i: usize, walls: &[u32], range: 
             let through = &scene.placed[other.wall as usize];
             let end = scene.beside(other.wall, &end);
             let passes = (through.point(through.nearest(&end)) - end).norm() < 1e-6 * r;
-            let nearer = other.distance < n.distance * (1.0 - 1e-12)
-                || (other.distance <= n.distance * (1.0 + 1e-12) && l < k);
-            l != k && passes && nearer
+            l != k && passes && (other.before(&n) || !n.before(other) && l < k)
         })
     };
     // At most a handful of walls meet a grain.

@@ -37,8 +37,9 @@ impl<const D: usize> Search<D> {
         bodies.reserve(self.grid.grain_of.len() + walls, bodies.spins());
         self.touches.clear();
         for [a, b] in self.pairs.iter_mut().filter(|pair| pair[1] & WALL != 0) {
-            let touch = Touch { wall: *b & !WALL };
-            scene.push_wall(touch, self.grid.grain_of[*a as usize] as usize, bodies);
+            let (wall, i) = (*b & !WALL, self.grid.grain_of[*a as usize] as usize);
+            let touch = Touch { wall, meeting: scene.meet_wall(i, wall, &bodies.velocity(*a as usize)) };
+            scene.push_wall(&touch, bodies);
             *b = WALL + self.touches.len() as u32;
             self.touches.push(touch);
         }
@@ -67,7 +68,7 @@ struct Filler<'a, const D: usize> {
     memory: &'a Memory<D>,
     bodies: &'a Bodies<D>,
     grain_of: &'a [u32],
-    touches: &'a [Touch],
+    touches: &'a [Touch<D>],
     /// Whether this is the first sub-step of grains at rest.
     from_rest: bool,
 }
@@ -116,10 +117,10 @@ impl<const D: usize> Filler<'_, D> {
             (*contact, gap) = scene.between_grains([a, b], [i, j], self.bodies);
             smaller = radius[i as usize].min(radius[j as usize]);
         } else {
-            let touch = b & !WALL;
-            j = WALL + self.touches[touch as usize].wall;
-            let slot = self.grain_of.len() as u32 + touch;
-            (*contact, gap) = scene.with_wall([a, slot], [i, j & !WALL], self.bodies);
+            let touch = &self.touches[(b & !WALL) as usize];
+            j = WALL + touch.wall;
+            let slot = self.grain_of.len() as u32 + (b & !WALL);
+            (*contact, gap) = scene.with_wall([a, slot], i, touch, self.bodies);
             smaller = radius[i as usize];
         }
         let (impulse, age, _) = self.memory.find(i, j);
