@@ -2,9 +2,13 @@
 //! sinks put in and take out, and grains that cross an open boundary.
 //!
 //! With phi + eps = 1, d(phi)/dt + div(phi v) = S and d(eps)/dt + div(eps u) = 0 the equation of mass is div(eps u +
-//! phi v) = S. S is the change of the nodal solid fraction by what came and went since the last accepted solution, over
-//! the time of this one: so the volume that leaves through the boundary in a step is, to the residual of the linear
-//! solver, the change of the voidage that the fluid sees.
+//! phi v) = S. Where a boundary cuts a grain, S is the change of the nodal solid fraction since the last accepted
+//! solution, over the time of this one.
+//!
+//! A grain that is put in or taken out does so in no time, but the fluid cannot: its velocity would grow without bound
+//! as steps become shorter. It makes room, or fills it, evenly over the time in which the grain would have come through
+//! an opening. What it has not yet done is pending. So the volume that leaves through the boundary is, to the residual of
+//! the linear solver, the change of the voidage that the fluid sees, less that of what is pending.
 
 use crate::leaving::nearest_part;
 use crate::overlap::{self, Overlap};
@@ -19,8 +23,26 @@ use voidage_fluid::{Mesh, Vector};
 struct Change<const D: usize> {
     place: Vector<D>,
     radius: f64,
-    /// By how much the solid volume in the mesh has grown, m3 (m2 in the plane).
+    /// By how much the solid volume in the mesh has grown, less what the fluid has made room for, m3 (m2 in the plane).
     volume: f64,
+    /// Time that the fluid still has to make room for it, s; zero: until its next solution.
+    #[serde(default)]
+    time: f64,
+}
+
+impl<const D: usize> Change<D> {
+    /// What the fluid makes room for within `dt` seconds, m3 (m2 in the plane).
+    fn within(&self, dt: f64) -> f64 {
+        // Times are sums of steps.
+        if self.time > dt * (1.0 + 1e-9) { self.volume * (dt / self.time) } else { self.volume }
+    }
+}
+
+/// Time in which a grain goes by its own diameter, by its velocity or as it falls, s; zero if it does neither.
+fn passage<const D: usize>(radius: f64, velocity: &Vector<D>, gravity: &Vector<D>) -> f64 {
+    let diameter = 2.0 * radius;
+    let speed = velocity.norm().max((gravity.norm() * diameter).sqrt());
+    if speed > 0.0 { diameter / speed } else { 0.0 }
 }
 
 /// A grain of which a part lies in the mesh.
@@ -37,37 +59,60 @@ struct Cut {
 /// What came and went since the last accepted solution of the fluid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Appearing<const D: usize> {
-    /// Grains that were put in or taken out since then.
+    /// Grains that were put in or taken out, and for which the fluid has not yet made all room.
     changes: Vec<Change<D>>,
     /// Grains that were cut then, in the order of their numbers. None before the first.
     cut: Option<Vec<Cut>>,
     /// The same now.
     #[serde(skip)]
     now: Vec<Cut>,
-    /// What comes in by node, m3; empty if nothing does.
+    /// What an open boundary has cut since then.
+    #[serde(skip)]
+    crossing: Vec<Change<D>>,
+    /// What the fluid makes room for in its last solution, by node, m3; empty if there is nothing.
     #[serde(skip)]
     nodal: Vec<f64>,
 }
 
 impl<const D: usize> Appearing<D> {
-    /// Solid volume that came into the mesh since the last accepted solution, less what went, m3 (m2 in the plane).
+    /// Solid volume for which the fluid made room in its last solution, less that which it filled, m3 (m2 in the plane).
     pub fn volume(&self) -> f64 {
         self.nodal.iter().sum()
     }
 
-    /// The source of the equation of mass over `dt`, 1/s at the nodes; none if nothing came or went.
-    pub(crate) fn source(&self, dt: f64, mesh: &Mesh<D>, nodal_volume: &[f64]) -> Option<Vec<f64>> {
-        let density = |(volume, whole): (&f64, &f64)| volume / whole / dt;
-        (!self.nodal.is_empty()).then(|| {
-            let mut source = self.nodal.iter().zip(nodal_volume).map(density).collect::<Vec<f64>>();
-            mesh.periodic.mirror(&mut source);
-            source
-        })
+    /// Solid volume that is in the mesh and for which the fluid has not yet made room, m3 (m2 in the plane).
+    pub fn pending(&self) -> f64 {
+        self.changes.iter().map(|change| change.volume).sum()
     }
 
-    /// The fluid has been told.
-    pub(crate) fn settle(&mut self) {
-        self.changes.clear();
+    /// The source of the equation of mass over `dt`, 1/s at the nodes; none if nothing came or went.
+    pub(crate) fn source(
+        &mut self,
+        dt: f64,
+        (mesh, nodal_volume): (&Mesh<D>, &[f64]),
+        overlap: &mut Overlap<D>,
+    ) -> Result<Option<Vec<f64>>> {
+        let all = self.changes.iter().chain(&self.crossing);
+        let now: Vec<Change<D>> = all.map(|change| Change { volume: change.within(dt), ..*change }).collect();
+        self.nodal.clear();
+        if now.is_empty() {
+            return Ok(None);
+        }
+        spread((mesh, overlap), &now, &mut self.nodal)?;
+        let density = |(volume, whole): (&f64, &f64)| volume / whole / dt;
+        let mut source = self.nodal.iter().zip(nodal_volume).map(density).collect::<Vec<f64>>();
+        mesh.periodic.mirror(&mut source);
+        Ok(Some(source))
+    }
+
+    /// The fluid has been told what happens within `dt`.
+    pub(crate) fn settle(&mut self, dt: f64) {
+        for change in &mut self.changes {
+            change.volume -= change.within(dt);
+            change.time -= dt;
+        }
+        self.changes.retain(|change| change.volume != 0.0);
+        self.crossing.clear();
         self.nodal.clear();
         self.cut.get_or_insert_default().clone_from(&self.now);
     }
@@ -111,37 +156,44 @@ impl<const D: usize> Mixture<D> {
         if let Some(grain) = inside.iter().position(|share| *share < 1.0 - 1e-9) {
             return Err(self.outside_of_mesh(source, &grains.position[grain], grains.radius[grain]));
         }
+        let gravity = self.grains.settings().gravity;
         let changes = (0..grains.len()).map(|i| Change {
             place: grains.position[i],
             radius: grains.radius[i],
             volume: grains.volume[i],
+            time: passage(grains.radius[i], &grains.velocity[i], &gravity),
         });
         self.interaction.appearing.changes.extend(changes);
         self.interaction.extend(&pieces, &self.fluid.on_mesh(), &grains.volume);
         Ok(self.grains.add(grains)?)
     }
 
-    /// Books grains that are taken out at the end of a step, those that are not kept.
+    /// Books grains that are no longer there at the end of a step, those that are not kept. Those that the last cut
+    /// found outside have left little by little.
     pub(crate) fn book_gone(&mut self, keep: &[bool]) {
+        let gravity = self.grains.settings().gravity;
+        let outside: Vec<bool> = (0..keep.len()).map(|i| self.is_outside(i)).collect();
         let (particles, interaction) = (&self.grains.particles, &mut self.interaction);
         for i in (0..keep.len()).filter(|i| !keep[*i]) {
+            let (radius, velocity) = (particles.radius[i], &particles.velocity[i]);
             let change = Change {
                 place: particles.position[i],
-                radius: particles.radius[i],
+                radius,
                 volume: -interaction.load.volume[i],
+                time: if outside[i] { 0.0 } else { passage(radius, velocity, &gravity) },
             };
             interaction.appearing.gone(particles.id[i], change);
         }
     }
 
     /// Finds what came and went since the last accepted solution, with the grains that have just been cut.
-    pub(crate) fn find_appearing(&mut self) -> Result<()> {
+    pub(crate) fn find_appearing(&mut self) {
         self.find_cut();
-        let Self { grains, fluid, interaction, .. } = self;
-        let crate::Interaction { appearing, load, overlap, .. } = interaction;
+        let Self { grains, interaction, .. } = self;
+        let crate::Interaction { appearing, load, .. } = interaction;
         let particles = &grains.particles;
-        let (mut changes, place_of) =
-            (appearing.changes.clone(), |id: u32| particles.id.binary_search(&id).ok());
+        let place_of = |id: u32| particles.id.binary_search(&id).ok();
+        appearing.crossing.clear();
         // What an open boundary cuts now was cut then, if not by an open one then by one that has opened, or was whole;
         // what one cut then and none cuts now is whole, or had gone when it was last cut.
         let (known, then) = (appearing.cut.is_some(), appearing.cut.as_deref().unwrap_or_default());
@@ -152,14 +204,10 @@ impl<const D: usize> Mixture<D> {
             let Some(i) = place_of(id) else { continue };
             let volume = load.volume[i] - before(id).map_or(particles.volume[i], |cut| cut.volume);
             if volume != 0.0 {
-                changes.push(Change { place: particles.position[i], radius: particles.radius[i], volume });
+                let (place, radius) = (particles.position[i], particles.radius[i]);
+                appearing.crossing.push(Change { place, radius, volume, time: 0.0 });
             }
         }
-        appearing.nodal.clear();
-        if !changes.is_empty() {
-            spread((&fluid.mesh, overlap), &changes, &mut appearing.nodal)?;
-        }
-        Ok(())
     }
 
     /// Finds the grains that are cut.

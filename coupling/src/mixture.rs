@@ -103,7 +103,7 @@ impl<const D: usize> Mixture<D> {
         let volume = overlap::voidage(&fluid.mesh, pieces, volume, &fluid.nodal_volume, voidage);
         let exact = particles.volume.iter().sum::<f64>() - swallowed;
         report.solid_volume_defect = Some(relative((volume - exact).abs(), exact));
-        self.find_appearing()?;
+        self.find_appearing();
         report.phases.overlap += start.elapsed().as_secs_f64();
         self.phase = Phase::Cut;
         Ok(())
@@ -266,11 +266,11 @@ impl<const D: usize> Mixture<D> {
             let grains = (&interaction.load, &interaction.at);
             droplet.immerse(wet.immersion(droplet.surface(), &droplet.stream(), grains));
         }
-        let Interaction { load, points, laws, appearing, .. } = interaction;
+        let Interaction { load, points, laws, appearing, overlap, .. } = interaction;
         let rigid = Rigid { fluid: fluid.on_mesh(), density: laws.density, dt };
         load.fill_points(&rigid, (HEAT, fluid.scalars.len()), points);
         let before = report.phases;
-        let source = appearing.source(dt, &fluid.mesh, &fluid.nodal_volume);
+        let source = appearing.source(dt, (&fluid.mesh, &fluid.nodal_volume), overlap)?;
         let immersed = Immersed { points, voidage: &load.voidage, source: source.as_deref() };
         fluid.solve(dt, Some(immersed), report)?;
         interaction.receive(&OnMesh { mesh: &fluid.mesh, fields: &fluid.solution.fields });
@@ -429,7 +429,7 @@ impl<const D: usize> Mixture<D> {
         self.motions.begin();
         let appearing = &mut self.interaction.appearing;
         *report.appeared.get_or_insert_default() += appearing.volume();
-        appearing.settle();
+        appearing.settle(dt);
         self.phase = Phase::Accepted;
         Ok(())
     }

@@ -130,7 +130,9 @@ mod tests {
         let places = grains.iter().map(|([x, y], _)| Plane::new(*x, *y) * RADIUS).collect();
         let count = grains.len();
         let mut particles =
-            Particles::new(places, vec![RADIUS; count], vec![0; count], std::slice::from_ref(material)).unwrap().rotating();
+            Particles::new(places, vec![RADIUS; count], vec![0; count], std::slice::from_ref(material))
+                .unwrap()
+                .rotating();
         particles.velocity = grains.iter().map(|(_, v)| Plane::from(*v)).collect();
         // A disc may go by two radii in a step of 1 ms.
         let settings =

@@ -148,6 +148,9 @@ impl<const D: usize> Dem<D> {
                 return Err(Error::Scene("conduction is on but the grains carry no heat".into()));
             }
         }
+        if settings.dissipation_heats && !heat {
+            return Err(Error::Scene("dissipation heats grains that carry no heat".into()));
+        }
         let mut dem = Self {
             contact_force: vec![Vector::zeros(); n],
             contact_heat: vec![0.0; if heat { n } else { 0 }],

@@ -18,6 +18,7 @@
 use crate::Particles;
 use crate::bodies::Bodies;
 use crate::contact::Contact;
+use crate::memory::WALL;
 use crate::rolling::Rolling;
 use crate::scene::Scene;
 use crate::search::Search;
@@ -110,9 +111,10 @@ pub(crate) fn add<const D: usize>(
     problem: &Problem<D>,
     solved: &[(Vector<D>, f64)],
     repair: &[Vector<D>],
-) {
+) -> Warmth {
     let (p, h, bodies) = (scene.particles, scene.h, &problem.bodies);
     let grain_of = &search.grid.grain_of;
+    let mut warmth = Warmth { grains: vec![0.0; p.len()], walls: vec![0.0; scene.walls.len()] };
     let mut pushed = vec![Vector::<D>::zeros(); grain_of.len()];
     let (first, last) = (at_start(scene, grain_of, bodies), bodies.state());
     for (k, c) in problem.contacts.iter().enumerate().filter(|(_, c)| c.acts()) {
@@ -133,6 +135,7 @@ pub(crate) fn add<const D: usize>(
         *(if normal < 0.0 { &mut sum.cohesion } else { &mut sum.impacts }) += along;
         sum.friction += c.impulse.dot(&mean) - along;
         sum.rolling += turning;
+        warmth.share(-(c.impulse.dot(&mean) + turning), search.between(problem, k), scene);
         for (slot, impulse) in [(i, -c.impulse), (j, c.impulse)] {
             match pushed.get_mut(slot).filter(|_| bodies.mobility(slot) > 0.0) {
                 Some(pushed) => *pushed += impulse,
@@ -145,7 +148,9 @@ pub(crate) fn add<const D: usize>(
         let i = i as usize;
         let [before, solved, after] = [first[slot], solved[slot], last[slot]];
         if bodies.spins() && bodies.spin_mobility(slot) > 0.0 {
-            sum.rest += (after.1 - solved.1) * (after.1 + before.1) * 0.5 / bodies.spin_mobility(slot);
+            let turning = (after.1 - solved.1) * (after.1 + before.1) * 0.5 / bodies.spin_mobility(slot);
+            sum.rest += turning;
+            warmth.grains[i] -= turning;
         }
         if p.held(i) {
             continue;
@@ -158,7 +163,30 @@ pub(crate) fn add<const D: usize>(
         sum.repair -= weight.dot(&lifted) / h;
         sum.fluid += (forces - weight).dot(&after.0);
         sum.step -= 0.5 * forces.dot(&(after.0 - before.0));
-        sum.rest += mass * (after.0 - solved.0).dot(&(after.0 + before.0)) * 0.5;
+        let moving = mass * (after.0 - solved.0).dot(&(after.0 + before.0)) * 0.5;
+        sum.rest += moving;
+        warmth.grains[i] -= moving;
+    }
+    warmth
+}
+
+/// What contacts have taken of the mechanical energy in a sub-step, J, as heat: half for each of the two grains of a
+/// contact; all for a grain at a wall, half if the wall has a temperature. A grain that was stopped has what it had.
+pub(crate) struct Warmth {
+    pub grains: Vec<f64>,
+    pub walls: Vec<f64>,
+}
+
+impl Warmth {
+    fn share<const D: usize>(&mut self, taken: f64, [i, j]: [u32; 2], scene: &Scene<D>) {
+        let (wall, grain) = ((j & WALL != 0).then_some((j & !WALL) as usize), i as usize);
+        let half = match wall {
+            Some(wall) => scene.walls[wall].temperature.map(|_| &mut self.walls[wall]),
+            None => self.grains.get_mut(j as usize),
+        };
+        let share = if half.is_some() { 0.5 } else { 1.0 };
+        half.into_iter().for_each(|half| *half += 0.5 * taken);
+        self.grains[grain] += share * taken;
     }
 }
 
@@ -318,6 +346,56 @@ mod tests {
                     && (friction > 0.0) == (energy.friction < 1e-3 * energy.impacts),
                 "{energy:?}"
             );
+        }
+    }
+
+    /// A bed that is stirred: what its contacts take is what its grains, and a wall that has a temperature, gain as heat.
+    #[test]
+    fn what_contacts_take_warms_grains_and_walls() {
+        for (temperature, rolling) in [(None, 0.0), (None, 0.2), (Some(300.0), 0.2)] {
+            let material = Material {
+                friction: 0.5,
+                rolling,
+                restitution: 0.4,
+                heat_capacity: 800.0,
+                ..Material::default()
+            };
+            let places: Vec<[f64; 2]> =
+                (0..40).map(|k| [2.1e-3 * f64::from(k % 8), 1.2e-3 + 2.2e-3 * f64::from(k / 8)]).collect();
+            let walls = vec![
+                Wall { temperature, ..floor() },
+                Wall::new("left", Plane::new(-0.002, 0.1), Plane::new(-0.002, 0.0)),
+                Wall {
+                    motion: Motion::Translation { velocity: Plane::new(-0.03, 0.0) },
+                    ..Wall::new("right", Plane::new(0.018, 0.0), Plane::new(0.018, 0.1))
+                },
+            ];
+            let settings = Settings {
+                cohesion: Some(Cohesion { force: 0.05, age: 0.0 }),
+                dissipation_heats: true,
+                energy: true,
+                ..Settings::default()
+            };
+            let at = places.iter().map(|x| Plane::from(*x)).collect();
+            let materials = vec![material];
+            let grains = Particles::new(at, vec![1e-3; 40], vec![0; 40], &materials).unwrap().rotating();
+            let grains = grains.heated(0.0, &materials).unwrap();
+            let mut dem = Dem::new(grains, walls, materials, settings).unwrap();
+            let mut from_walls = 0.0;
+            for _ in 0..300 {
+                dem.step(1e-3, &Load::default());
+                from_walls += dem.wall_heat().iter().sum::<f64>() * 1e-3;
+            }
+            let energy = dem.energy();
+            let taken = energy.impacts + energy.friction + energy.rolling + energy.cohesion + energy.rest;
+            let heat = dem.particles.heat.as_ref().unwrap();
+            let gained: f64 = heat.temperature.iter().zip(&heat.capacity).map(|(t, c)| t * c).sum();
+            assert!(
+                taken < 0.0 && gained > 0.0 && (temperature.is_some() == (from_walls < 0.0)),
+                "{energy:?}"
+            );
+            approx::assert_relative_eq!(gained - from_walls, -taken, max_relative = 1e-12);
+            assert!(heat.temperature.iter().all(|t| *t > 0.0), "{:?}", heat.temperature);
         }
     }
 

@@ -58,6 +58,8 @@ pub struct Settings<const D: usize> {
     pub interior: bool,
     /// Heat through contacts; none: grains exchange no heat among themselves.
     pub conduction: Option<Conduction>,
+    /// Whether what contacts take of the mechanical energy warms the grains.
+    pub dissipation_heats: bool,
     /// Adhesion; none: no contact pulls.
     pub cohesion: Option<Cohesion>,
     /// Coefficients of pairs, in place of the smaller one of both sides.
@@ -107,6 +109,7 @@ impl<const D: usize> Default for Settings<D> {
             acceleration: Acceleration::default(),
             interior: false,
             conduction: None,
+            dissipation_heats: false,
             cohesion: None,
             pairs: vec![],
             period: Period::default(),

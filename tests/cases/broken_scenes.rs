@@ -76,6 +76,18 @@ const MISTAKES: &[Mistake] = &[
         &["grains[0].radius", "2 keys (`constant`, `uniform`), where one is chosen"],
     ),
     mistake(
+        "a choice beside a key that does not exist",
+        ["{ uniform = [5e-4, 6e-4] }", "{ uniform = [5e-4, 6e-4], weibull = 5e-4 }"],
+        "weibull",
+        &["grains[0].radius.weibull", "unknown field `weibull`", "keys allowed here: constant, "],
+    ),
+    mistake(
+        "a choice that does not exist",
+        ["{ uniform = [5e-4, 6e-4] }", "{ unifrom = [5e-4, 6e-4] }"],
+        "unifrom",
+        &["grains[0].radius.unifrom", "unknown field `unifrom`", "did you mean `uniform`?"],
+    ),
+    mistake(
         "one table where a list of them belongs",
         ["[[grains]]", "[grains]"],
         "[grains]",

@@ -139,6 +139,9 @@ fn grains(scene: &Scene) {
     line("  rotation", if contacts.is_some_and(|contacts| contacts.rotation) { "on" } else { "off" });
     line("  heat", if scene.grains_have_heat() { "on" } else { "off" });
     part("  conduction", contacts.and_then(|contacts| contacts.conduction.as_ref()), name);
+    if contacts.is_some_and(|contacts| contacts.dissipation_heats) {
+        line("  dissipation", "warms the grains");
+    }
     part("  cohesion", contacts.and_then(|contacts| contacts.cohesion.as_ref()), |c| {
         format!("{} N/m", c.force)
     });

@@ -343,6 +343,7 @@ pub(crate) fn settings(scene: &Scene, contacts: &scene::Contacts) -> Settings<2>
         max_travel: contacts.max_travel,
         max_substeps: contacts.max_substeps,
         conduction: contacts.conduction,
+        dissipation_heats: contacts.dissipation_heats,
         cohesion: contacts.cohesion,
         pairs: pairs(scene, contacts),
         period: scene.period(),

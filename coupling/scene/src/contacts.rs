@@ -37,6 +37,10 @@ pub struct Contacts {
     /// Default: contacts conduct no heat.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub conduction: Option<Conduction>,
+    /// Whether the mechanical energy that contacts take by impacts, friction, resistance to rolling and cohesion warms the
+    /// grains: half of it each of the two that touch; at a wall all of it the grain, or half of it if the wall has a
+    /// temperature. Default false.
+    pub dissipation_heats: bool,
     /// Cohesion of grains that touch. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cohesion: Option<Cohesion>,
@@ -75,6 +79,7 @@ impl Default for Contacts {
             max_penetration: 0.5,
             rotation: true,
             conduction: None,
+            dissipation_heats: false,
             cohesion: None,
             pairs: vec![],
         }

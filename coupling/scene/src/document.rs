@@ -104,10 +104,22 @@ pub fn fill<T: Document>(document: &Table) -> Result<T, Fault> {
     T::deserialize(serde_path_to_error::Deserializer::new(value, &mut track)).map_err(|error| {
         let mut steps: Vec<Segment> = track.path().iter().filter_map(to_segment).collect();
         let mut message = one_line(error.message());
-        if let (true, Some(keys)) = (message.starts_with(ONE_ELEMENT), keys_at(document, &steps)) {
-            message = format!("holds {} keys ({}), where one is chosen", keys.len(), keys.join(", "));
+        let keys = keys_at(document, &steps).unwrap_or_default();
+        if message.starts_with(ONE_ELEMENT) && !keys.is_empty() {
+            // One of them may be no choice at all.
+            let wrong = keys.iter().find_map(|key| {
+                let message = alone::<T>(document, &steps, key)?;
+                quoted_after(&message, UNKNOWN_CHOICE).is_some_and(|found| found == *key).then_some(message)
+            });
+            let quoted = keys.iter().map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ");
+            message =
+                wrong.unwrap_or_else(|| format!("holds {} keys ({quoted}), where one is chosen", keys.len()));
         }
-        let unknown = quoted_after(&message, "unknown field `");
+        let choice = quoted_after(&message, UNKNOWN_CHOICE).filter(|choice| keys.contains(choice));
+        if choice.is_some() {
+            message = message.replace(UNKNOWN_CHOICE, UNKNOWN_FIELD);
+        }
+        let unknown = quoted_after(&message, UNKNOWN_FIELD);
         if let Some(key) = unknown.as_ref().filter(|key| steps.last() != Some(&Segment::Key((*key).clone())))
         {
             steps.push(Segment::Key(key.clone()));
@@ -121,7 +133,7 @@ pub fn fill<T: Document>(document: &Table) -> Result<T, Fault> {
                 Some((_, remedy)) => (*remedy).to_owned(),
                 None => remedy_of_unknown(key, &message),
             },
-            (None, _) if message.contains("expected a list") && keys_at(document, &steps).is_some() => {
+            (None, _) if message.contains("expected a list") && !keys.is_empty() => {
                 format!("a list of tables is written `[[{}]]`", join(&steps))
             }
             (None, Some(text)) => format!("{}: {text}", join(&documented)),
@@ -148,6 +160,10 @@ fn to_segment(segment: &serde_path_to_error::Segment) -> Option<Segment> {
 
 /// How serde begins when a choice has been made twice.
 const ONE_ELEMENT: &str = "wanted exactly 1 element";
+
+/// How serde begins when there is no such choice, or no such key. A choice is a key in a table.
+const UNKNOWN_CHOICE: &str = "unknown variant `";
+const UNKNOWN_FIELD: &str = "unknown field `";
 
 /// Says what serde says, for readers who know TOML rather than Rust. Names in quotes stay as they are.
 fn one_line(message: &str) -> String {
@@ -253,8 +269,23 @@ fn distance(a: &str, b: &str) -> usize {
 
 /// The keys of the table at a place.
 fn keys_at(document: &Table, steps: &[Segment]) -> Option<Vec<String>> {
-    let keys = |table: &Table| table.keys().map(|key| format!("`{key}`")).collect();
-    node_at(document, steps)?.as_table().map(keys)
+    node_at(document, steps)?.as_table().map(|table| table.keys().cloned().collect())
+}
+
+/// What is wrong if the table at a place holds one of its keys only.
+fn alone<T: Document>(document: &Table, steps: &[Segment], key: &str) -> Option<String> {
+    let mut document = document.clone();
+    T::expand(&mut document);
+    let mut value = Value::Table(document);
+    let mut node = &mut value;
+    for step in steps {
+        node = match step {
+            Segment::Key(key) => node.get_mut(key.as_str())?,
+            Segment::Index(index) => node.get_mut(*index)?,
+        };
+    }
+    node.as_table_mut()?.retain(|other, _| other == key);
+    T::deserialize(value).err().map(|error| one_line(error.message()))
 }
 
 fn value_at(document: &Table, steps: &[Segment]) -> Option<String> {

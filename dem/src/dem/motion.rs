@@ -1,7 +1,7 @@
 //! The end of a sub-step: velocities from impulses, and the grains moved.
 
 use super::Dem;
-use crate::energy;
+use crate::energy::{self, Warmth};
 use crate::memory::WALL;
 use crate::penetration::Moved;
 use crate::rebound;
@@ -38,16 +38,20 @@ impl<const D: usize> Dem<D> {
         };
         let scene = Scene { rest: self.settings.rest_within(error), ..scene };
         problem.mark_near_moving(|bodies, moving| scene.mark_moving(&search.grid.grain_of, bodies, moving));
-        let solved = if self.settings.energy { problem.bodies.state() } else { vec![] };
+        let counted = self.settings.energy || self.settings.dissipation_heats;
+        let solved = if counted { problem.bodies.state() } else { vec![] };
         scene.stop_resting(&search.grid.grain_of, &problem.bodies, &problem.moving);
         for (slot, repair) in repair.iter_mut().enumerate() {
             let i = search.grid.grain_of[slot] as usize;
             *repair = (*repair * h).cap_magnitude(self.settings.max_travel * self.particles.radius[i]);
         }
-        if self.settings.energy {
+        if counted {
             let mut sum = self.energy;
-            energy::add(&mut sum, &scene, &search, &problem, &solved, &repair);
+            let warmth = energy::add(&mut sum, &scene, &search, &problem, &solved, &repair);
             self.energy = sum;
+            if self.settings.dissipation_heats {
+                self.warm(&warmth);
+            }
         }
         report.sweeps += outcome.sweeps;
         report.work += outcome.work;
@@ -83,6 +87,18 @@ impl<const D: usize> Dem<D> {
         (self.search, self.problem) = (search, problem);
         self.measure_penetration(h, report);
         self.wrap();
+    }
+
+    /// Gives the heat of dissipation of a sub-step to grains and walls.
+    fn warm(&mut self, warmth: &Warmth) {
+        let Some(heat) = &mut self.particles.heat else { return };
+        let grains = heat.temperature.iter_mut().zip(&heat.capacity).zip(&mut self.contact_heat);
+        for (joules, ((temperature, capacity), sum)) in warmth.grains.iter().zip(grains) {
+            *temperature += joules / capacity;
+            *sum += joules;
+        }
+        // Walls count what they give.
+        self.wall_heat.iter_mut().zip(&warmth.walls).for_each(|(sum, joules)| *sum -= joules);
     }
 
     /// Adds the moments of the impulses on walls that turn, about their pivots, with grains and walls where the

@@ -208,6 +208,11 @@ fn check_heat(scene: &Scene) -> Checked {
             let help = "give all `grains` a `temperature`, or take `contacts.conduction` away";
             return fail(scene, "contacts.conduction", message, help);
         }
+        if scene.contacts.as_ref().is_some_and(|contacts| contacts.dissipation_heats) {
+            let message = "`contacts.dissipation_heats` is there, but the grains have no temperature";
+            let help = "give all `grains` a `temperature`, or take `contacts.dissipation_heats` away";
+            return fail(scene, "contacts.dissipation_heats", message, help);
+        }
         return Ok(());
     }
     for (i, group) in scene.grains.iter().enumerate() {

@@ -1,8 +1,9 @@
-//! Meshes in Gmsh's format, as text: .msh 4.1, and 2.2, which is read only.
+//! Meshes in Gmsh's format: .msh 4.1, and 2.2 and binary files, which are read only.
 //!
 //! Format: "MSH file format", Gmsh reference manual. Read are `$PhysicalNames`, `$Entities`, `$Nodes` and `$Elements`;
 //! other sections are passed over.
 
+mod binary;
 mod read;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,6 @@
 //! Reading.
 
-use super::SIMPLEX;
+use super::{SIMPLEX, binary};
 use crate::mesh::Mesh;
 use crate::{Error, Result, Vector};
 use std::collections::HashMap;
@@ -8,7 +8,8 @@ use std::path::Path;
 use std::str::{FromStr, Lines, SplitWhitespace};
 
 impl<const D: usize> Mesh<D> {
-    /// Reads a mesh of triangles (2D, z constant) or tetrahedra (3D) from a .msh file of format 4.1 or 2.2 in text form.
+    /// Reads a mesh of triangles (2D, z constant) or tetrahedra (3D) from a .msh file of format 4.1 or 2.2, as text or
+    /// binary.
     ///
     /// Boundaries are named by physical groups of curves (2D) or surfaces (3D), a group without name by its number.
     /// Every boundary facet must belong to exactly one group; groups inside the mesh are passed over, and so are nodes
@@ -16,7 +17,7 @@ impl<const D: usize> Mesh<D> {
     pub fn read_msh(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         let bytes = std::fs::read(path).map_err(|error| Error::Mesh(format!("{name}: {error}")))?;
-        Self::parse_msh(&String::from_utf8_lossy(&bytes), &name)
+        Self::parse_msh(&binary::as_text(&bytes, &name)?, &name)
     }
 
     /// Reads a mesh from the text of a .msh file; `name` is the name of the file in errors.
@@ -399,7 +400,7 @@ fn read_format<'a>(file: &mut Source<'a>) -> Result<&'a str> {
         return Err(file.error(format!("format {version}{CONVERT}")));
     }
     if line.split_whitespace().nth(1) != Some("0") {
-        return Err(file.error("a binary file, allowed is text: save it with Mesh.Binary = 0"));
+        return Err(file.error("a binary file where text should be"));
     }
     Ok(version)
 }

@@ -76,6 +76,50 @@ fn a_file_of_format_2_2() {
     fails("2.2 0 8", "2.2 1 8", "a binary file");
 }
 
+/// Written by Gmsh 4.15: a square as text, and as binary files, which were refused.
+const SQUARE: &str = include_str!("square.msh");
+const BINARY: [&[u8]; 2] = [include_bytes!("square-binary.msh"), include_bytes!("square-binary-2.2.msh")];
+
+fn read_bytes(bytes: &[u8]) -> crate::Result<Mesh<2>> {
+    Mesh::parse_msh(&super::binary::as_text(bytes, "binary.msh")?, "binary.msh")
+}
+
+#[test]
+fn binary_files_are_read_as_text_is() {
+    let text = Mesh::<2>::parse_msh(SQUARE, "square.msh").unwrap();
+    assert_eq!((text.points.len(), text.cell_count()), (9, 8));
+    for bytes in BINARY {
+        assert_eq!(read_bytes(bytes).unwrap(), text);
+        // All that is cut off, and a number that is none.
+        for end in 0..bytes.len() - 2 {
+            let error = read_bytes(&bytes[..end]).map(|_| end);
+            assert!(error.is_err() || end + 12 > bytes.len(), "{error:?} of {}", bytes.len());
+        }
+        let error = read_bytes(&[&bytes[..40], &[7; 60][..]].concat()).unwrap_err().to_string();
+        assert!(error.contains("binary.msh"), "{error}");
+    }
+    assert_eq!(super::binary::as_text(SQUARE.as_bytes(), "square.msh").unwrap(), SQUARE);
+}
+
+/// A file of a machine that writes the highest byte first.
+#[test]
+fn the_order_of_bytes_is_the_files() {
+    let mut bytes = b"$MeshFormat\n2.2 1 8\n".to_vec();
+    bytes.extend(1_i32.to_be_bytes());
+    bytes.extend(b"\n$EndMeshFormat\n$Nodes\n3\n");
+    for (tag, [x, y]) in [(1_i32, [0.0_f64, 0.0]), (2, [1.0, 0.0]), (3, [0.0, 1.0])] {
+        bytes.extend(tag.to_be_bytes());
+        [x, y, 0.0].iter().for_each(|x| bytes.extend(x.to_be_bytes()));
+    }
+    bytes.extend(b"\n$EndNodes\n$Elements\n4\n");
+    let lines = [1_i32, 3, 1, 1, 5, 1, 2, 2, 5, 2, 3, 3, 5, 3, 1];
+    let triangle = [2_i32, 1, 2, 4, 6, 6, 1, 2, 3];
+    lines.iter().chain(&triangle).for_each(|number| bytes.extend(number.to_be_bytes()));
+    bytes.extend(b"\n$EndElements\n");
+    let mesh = read_bytes(&bytes).unwrap();
+    assert_eq!((mesh.volume(), mesh.boundary("5").unwrap().cells.len()), (0.5, 3));
+}
+
 #[test]
 fn errors_name_the_place() {
     let fails = |from: &str, to: &str, text: &str| {
@@ -86,7 +130,7 @@ fn errors_name_the_place() {
     fails("4.1 0 8", "4.0 0 8", "two.msh:2: format 4.0, allowed are 4.1 and 2.2");
     fails("$Comment", "$PartitionedEntities", "two.msh:17: the mesh is partitioned");
     fails("$MeshFormat", "$NOD", "two.msh:1: a file of format 1, allowed are");
-    fails("4.1 0 8", "4.1 1 8", "two.msh:2: a binary file");
+    fails("4.1 0 8", "4.1 1 8", "two.msh:2: a binary file where text should be");
     fails("1 1 0\n0 1 0\n", "1 1x 0\n0 1 0\n", "two.msh:31: \"1x\" where a number of coordinates should be");
     fails("1 1 0\n0 1 0\n", "1 1\n0 1 0\n", "two.msh:31: the end of the line where a number");
     fails("1 1 0\n0 1 0\n", "1 NaN 0\n0 1 0\n", "two.msh:31: [1.0, NaN, 0.0] where finite");
@@ -111,6 +155,14 @@ proptest! {
     fn damaged_files(at in 0..TWO.len(), with in "[0-9a-z$ \\n.-]{0,3}", cut in 0..4usize) {
         let end = (at + cut).min(TWO.len());
         let _ = Mesh::<2>::parse_msh(&format!("{}{with}{}", &TWO[..at], &TWO[end..]), "damaged.msh");
+    }
+
+    #[test]
+    fn damaged_binary_files(which in 0..2usize, at in 0..600usize, with: [u8; 8], cut in 0..9usize) {
+        let mut bytes = BINARY[which].to_vec();
+        let at = at % (bytes.len() - 8);
+        bytes[at..at + cut.min(8)].copy_from_slice(&with[..cut.min(8)]);
+        let _ = read_bytes(&bytes);
     }
 }
 
