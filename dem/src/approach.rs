@@ -1,14 +1,16 @@
-//! Where two discs, or a disc and a wall, meet on the way that they would take without contacts.
+//! Where two discs, or a disc and a wall, meet on the way that their velocities take them.
 //!
 //! With the arm a from the first centre to the second, the relative velocity v, the sum R of the radii and any unit
 //! vector n, a contact that holds n . (a + v h) >= R keeps the discs apart over the whole sub-step if n . a >= R: both
 //! ends of the way, and so all of it, lie on one side of a line that is R from the first centre. The same holds for a wall,
 //! which is convex as a disc is. The contact holds u_n + gap/h >= 0 with gap = n . a - R.
 //!
-//! n is where the two first touch on their free way, or where they come nearest if they miss each other. Then all of a
-//! free way that misses lies on the far side of the line, and the contact does nothing; and an impact has the normal
-//! that the two have when they meet. (The line of centres at the start of the sub-step also keeps them apart, but
-//! takes momentum from discs that would pass each other.)
+//! n is where the two first touch on the way that their velocities at the start of the sub-step take them, or where they
+//! come nearest if they miss each other. Then all of a way that misses lies on the far side of the line, and the contact
+//! does nothing; and an impact has the normal that the two have when they meet. (The line of centres at the start also
+//! keeps them apart, but takes momentum from discs that would pass each other.) With velocities that forces have
+//! already changed, normals would depend on those of a fluid, and a step that is done again under other forces would meet
+//! other contacts.
 
 use crate::space::Vector;
 use crate::walls::Placed;

@@ -223,11 +223,11 @@ impl<const D: usize> Scene<'_, D> {
     pub fn between_grains(&self, slots: [u32; 2], [i, j]: [u32; 2], bodies: &Bodies<D>) -> (Contact<D>, f64) {
         let (p, i, j) = (self.particles, i as usize, j as usize);
         let arm = self.settings.period.nearest(p.position[j] - p.position[i]);
-        let [from, to] = slots.map(|slot| bodies.velocity(slot as usize));
         let (r, other) = (p.radius[i], p.radius[j]);
-        let (normal, gap) = approach::of_discs(arm, (to - from) * self.h, r.min(other), r + other);
+        let relative = p.velocity[j] - p.velocity[i];
+        let (normal, gap) = approach::of_discs(arm, relative * self.h, r.min(other), r + other);
         let (a, b) = (p.material[i], p.material[j]);
-        let before = (p.velocity[j] - p.velocity[i]).dot(&normal);
+        let before = relative.dot(&normal);
         let law = self.law_between(a, b);
         let contact = self.contact(slots, normal, gap, before, law, bodies);
         (contact, gap)
@@ -238,11 +238,11 @@ impl<const D: usize> Scene<'_, D> {
         self.settings.period.image(*x, &self.placed[wall as usize].point(0.5))
     }
 
-    /// How grain i, which goes freely, meets a wall.
-    pub fn meet_wall(&self, i: usize, wall: u32, free: &Vector<D>) -> Meeting<D> {
+    /// How grain i meets a wall.
+    pub fn meet_wall(&self, i: usize, wall: u32) -> Meeting<D> {
         let placed = &self.placed[wall as usize];
         let centre = self.beside(wall, &self.particles.position[i]);
-        let way = (free - placed.velocity_at(placed.nearest(&centre))) * self.h;
+        let way = (self.particles.velocity[i] - placed.velocity_at(placed.nearest(&centre))) * self.h;
         let endless = self.settings.period.spans(&placed.points);
         approach::with_wall(placed, (&centre, self.particles.radius[i]), &way, endless)
     }

@@ -382,9 +382,8 @@ fn near_walls<const D: usize>(scene: &Scene<D>, i: usize, walls: &[u32], range: 
     if near.len() < 2 {
         return;
     }
-    let free = scene.free_velocity(i);
     for n in near.iter_mut() {
-        let Meeting { share, when, distance, .. } = scene.meet_wall(i, n.wall, &free);
+        let Meeting { share, when, distance, .. } = scene.meet_wall(i, n.wall);
         *n = Near { share, when, distance, ..*n };
     }
     let all = std::mem::take(near);

@@ -108,6 +108,32 @@ def test_a_mesh_made_anew_reaches_all_solvers(program, tmp_path):
     assert {row["step"] for row in rows} == {"1", "6", "12"}
 
 
+def test_a_study_finds_the_python_that_a_file_needs(program, tmp_path):
+    """A solver of one's own in FEniCSx ran by ``--fluid python:FILE`` and not in a study."""
+    mine = tmp_path / "mine.py"
+    mine.write_text("from voidage.fenicsx import FEniCSx\n\n\nclass Mine(FEniCSx):\n    pass\n")
+    study = tmp_path / "study.toml"
+    study.write_text(
+        'title = "Mine"\ncase = { problem = "manufactured" }\nreference = "manufactured"\n'
+        '[[quantities]]\nname = "velocity"\nof = { error = "u" }\n'
+        "[[sweeps]]\nvary = { squares = [4, 8], "
+        f"solver = ['fenicsx', {{ python = '{mine}' }}] }}\n"
+    )
+    done = subprocess.run(
+        [program, "study", study, "--quiet", "--out", tmp_path / "out"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (table,) = (tmp_path / "out").glob("*.csv")
+    with open(table) as file:
+        rows = list(csv.DictReader(file))
+    errors = [float(row["velocity"]) for row in rows]
+    assert len(errors) == 4
+    assert sorted(errors)[0] == pytest.approx(sorted(errors)[1], rel=1e-9)
+
+
 def test_fenicsx_on_two_ranks_over_tcp(program, tmp_path):
     address = f"tcp:127.0.0.1:{20000 + os.getpid() % 20000}"
     ranks = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2"]

@@ -73,7 +73,7 @@ fn grains_at_rest_look_at_their_neighbours_only_in_any_step() {
 }
 
 /// Momentum and, with restitution e, the relative velocity of an oblique impact follow Newton's law exactly:
-/// v_n' = -e v_n, the centre of mass undisturbed.
+/// v_n' = -e v_n along the normal where the two touch, the centre of mass undisturbed.
 #[test]
 fn impacts_follow_newton() {
     for e in [0.0, 0.3, 1.0] {
@@ -83,8 +83,11 @@ fn impacts_follow_newton() {
         grains.mass[1] *= 3.0;
         grains.velocity = vec![v(2.0, 0.1), v(-1.0, 0.0)];
         let momentum = grains.velocity[0] * grains.mass[0] + grains.velocity[1] * grains.mass[1];
-        let n = (grains.position[1] - grains.position[0]).normalize();
-        let before = (grains.velocity[1] - grains.velocity[0]).dot(&n);
+        let (arm, way) = (grains.position[1] - grains.position[0], grains.velocity[1] - grains.velocity[0]);
+        // (arm + way t)^2 = 1.05^2.
+        let (a, b, c) = (way.norm_squared(), arm.dot(&way), arm.norm_squared() - 1.05 * 1.05);
+        let n = (arm + way * ((-b - (b * b - a * c).sqrt()) / a)).normalize();
+        let before = way.dot(&n);
         let settings = Settings { gravity: V::zeros(), ..precise() };
         let mut dem = Dem::new(grains, vec![], vec![material], settings).unwrap();
         dem.step(0.02, &Load::default());

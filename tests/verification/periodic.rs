@@ -16,9 +16,9 @@ type V = Vector<2>;
 const LENGTH: f64 = 0.02;
 
 /// Radii from 0.4 to 0.6 mm at random places of a periodic strip, without overlap; and velocities.
-fn strip(count: usize, height: f64) -> (Vec<V>, Vec<f64>, Vec<V>) {
+fn strip(count: usize, height: f64, seed: u64) -> (Vec<V>, Vec<f64>, Vec<V>) {
     let period = Period::new([Some([0.0, LENGTH]), None]).unwrap();
-    let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
     let (mut places, mut radii) = (Vec::<V>::new(), Vec::<f64>::new());
     while places.len() < count {
         let r = rng.random_range(4e-4..6e-4);
@@ -36,8 +36,8 @@ fn strip(count: usize, height: f64) -> (Vec<V>, Vec<f64>, Vec<V>) {
 
 /// Grains in shear between two walls that move, warm from 300 to 400 K, with the places of the sides moved by a part of
 /// the period; both walls turn into each other's direction.
-fn sheared(shift: f64, height: f64, friction: f64) -> Dem<2> {
-    let (mut places, radii, velocities) = strip(150, height);
+fn sheared(shift: f64, height: f64, friction: f64, seed: u64) -> Dem<2> {
+    let (mut places, radii, velocities) = strip(150, height, seed);
     places.iter_mut().for_each(|x| x.x += shift);
     let count = places.len();
     let material = Material {
@@ -77,10 +77,16 @@ fn momentum(dem: &Dem<2>) -> V {
     dem.particles.mass.iter().zip(&dem.particles.velocity).map(|(m, v)| v * *m).sum()
 }
 
+/// Grains that flew side by side conducted heat if rounding pressed them together: in most of these beds they were up to
+/// 0.09 K apart.
 #[test]
 fn grains_in_shear_do_not_depend_on_where_the_sides_are() {
+    (5..9).for_each(in_shear_they_do_not_depend_on_where_the_sides_are);
+}
+
+fn in_shear_they_do_not_depend_on_where_the_sides_are(seed: u64) {
     let shift = 0.37 * LENGTH;
-    let (mut one, mut other) = (sheared(0.0, 0.01, 0.3), sheared(shift, 0.01, 0.3));
+    let (mut one, mut other) = (sheared(0.0, 0.01, 0.3, seed), sheared(shift, 0.01, 0.3, seed));
     let (mut across, mut wrapped, mut touching) = (0, 0, 0);
     let period = one.settings().period;
     for step in 0..150 {
@@ -116,7 +122,7 @@ fn grains_in_shear_do_not_depend_on_where_the_sides_are() {
 /// In shear the momentum changes by what the walls give, and heat stays; across the sides as elsewhere.
 #[test]
 fn momentum_and_heat_pass_the_sides_without_loss() {
-    let mut dem = sheared(0.0, 0.01, 0.3);
+    let mut dem = sheared(0.0, 0.01, 0.3, 5);
     let heat = |dem: &Dem<2>| -> f64 {
         let heat = dem.particles.heat.as_ref().unwrap();
         heat.temperature.iter().zip(&heat.capacity).map(|(t, c)| t * c).sum()
@@ -178,7 +184,7 @@ fn periodic_grains_are_the_same_for_any_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut dem = sheared(0.0, 0.01, 0.3);
+            let mut dem = sheared(0.0, 0.01, 0.3, 5);
             for _ in 0..60 {
                 dem.step(1e-3, &Load::default());
             }

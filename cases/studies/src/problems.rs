@@ -12,7 +12,7 @@ use voidage_campaign::clock::{Cost, Spent, median, timed};
 use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::{Error, Notice, Result};
 use voidage_dem::{Acceleration, Load, Settings as Contacts};
-use voidage_remote::launch::{fenicsx_interpreter, interpreter, python, run_module};
+use voidage_remote::launch::{SYSTEM_PYTHON, fenicsx_interpreter, interpreter, python, run_module};
 use voidage_scene::Solver;
 use voidage_scene::document::{Document, Fault, fill};
 use voidage_verification::fluid::manufactured::{Cut, Off, Run, UNIT};
@@ -185,7 +185,8 @@ impl Manufactured {
 fn elsewhere(interpreter: &Path, module: &str, squares: usize) -> Result<Solved> {
     let squares = squares.to_string();
     let mut command = python(interpreter, &run_module("voidage.manufactured"));
-    command.args([module, "--squares", &squares]);
+    // Whether a file needs FEniCSx is known when it is imported.
+    command.args([module, "--squares", &squares, "--or-python", SYSTEM_PYTHON]);
     let output = command.output().map_err(|error| {
         let help = "`voidage doctor` says what is missing";
         Error::run(Notice::new(format!("cannot start {}: {error}", interpreter.display()), help))

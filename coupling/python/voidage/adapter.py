@@ -407,14 +407,24 @@ def find(name: str) -> type:
     return found[0]
 
 
-def _find(given: argparse.Namespace, words: list[str]) -> type:
-    """The class of the command line, here or, where FEniCSx is missing here, in the other interpreter."""
+def add_or_python(parser: argparse.ArgumentParser) -> None:
+    """Adds the option that :func:`find_or_go_on` reads."""
+    parser.add_argument(
+        "--or-python",
+        metavar="PYTHON",
+        help="the interpreter that goes on where this one lacks FEniCSx and MODULE needs it",
+    )
+
+
+def find_or_go_on(given: argparse.Namespace, words: list[str], module: str) -> type:
+    """The class of the command line; where FEniCSx is missing here and the class needs it, the other
+    interpreter runs ``module`` with the same words instead."""
     try:
         return find(given.solver)
     except ModuleNotFoundError as error:
         if interpreter.lacks_fenicsx(error) and given.or_python and interpreter.has_fenicsx(given.or_python):
             # It has none to go on to in its turn.
-            interpreter.take_over(given.or_python, "voidage.adapter", [*words, "--or-python", ""])
+            interpreter.take_over(given.or_python, module, [*words, "--or-python", ""])
         interpreter.explain(error)
         raise
 
@@ -468,15 +478,11 @@ def main(solver: type | None = None, arguments: Sequence[str] | None = None) -> 
         help="how many processes mpirun was to start; it is an error if MPI knows of another number",
     )
     if solver is None:
-        parser.add_argument(
-            "--or-python",
-            metavar="PYTHON",
-            help="the interpreter that goes on where this one lacks FEniCSx and MODULE needs it",
-        )
+        add_or_python(parser)
     words = list(sys.argv[1:] if arguments is None else arguments)
     given = parser.parse_args(words)
     try:
-        made = solver or _find(given, words)
+        made = solver or find_or_go_on(given, words, "voidage.adapter")
         serve(
             lambda: made(**dict(given.option)),
             given.connect,

@@ -220,13 +220,16 @@ def measured(solver: Solver, n: int) -> dict:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
-    from .adapter import find
+    from .adapter import add_or_python, find_or_go_on
 
     parser = argparse.ArgumentParser(description="Errors and cost of a solver on a known solution.")
     parser.add_argument("solver", metavar="MODULE[:CLASS]", help="a module, or a Python file")
     parser.add_argument("--squares", type=int, default=16, help="squares along each side")
-    given = parser.parse_args(arguments)
-    json.dump(measured(find(given.solver)(), given.squares), sys.stdout)
+    add_or_python(parser)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = parser.parse_args(words)
+    solver = find_or_go_on(given, words, "voidage.manufactured")
+    json.dump(measured(solver(), given.squares), sys.stdout)
     return 0
 
 

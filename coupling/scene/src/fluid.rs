@@ -65,7 +65,7 @@ pub struct Fluid {
 pub enum MeshSource {
     /// A rectangle, of which the program makes the mesh.
     Rectangle(Rectangle),
-    /// A Gmsh .msh file (format 4.1 or 2.2, text) with physical names, path relative to the scene.
+    /// A Gmsh .msh file (format 4.1 or 2.2, text or binary) with physical names, path relative to the scene.
     File(PathBuf),
 }
 

@@ -38,7 +38,7 @@ impl<const D: usize> Search<D> {
         self.touches.clear();
         for [a, b] in self.pairs.iter_mut().filter(|pair| pair[1] & WALL != 0) {
             let (wall, i) = (*b & !WALL, self.grid.grain_of[*a as usize] as usize);
-            let touch = Touch { wall, meeting: scene.meet_wall(i, wall, &bodies.velocity(*a as usize)) };
+            let touch = Touch { wall, meeting: scene.meet_wall(i, wall) };
             scene.push_wall(&touch, bodies);
             *b = WALL + self.touches.len() as u32;
             self.touches.push(touch);
