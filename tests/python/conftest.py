@@ -1,5 +1,6 @@
 """Meshes, random points, and the solvers that this interpreter can run."""
 
+import contextlib
 import dataclasses
 import importlib
 import itertools
@@ -13,6 +14,10 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "coupling" / "python"))
+
+# Wheels of dolfinx find the MPI that mpi4py has loaded.
+with contextlib.suppress(ImportError):
+    import mpi4py.MPI  # noqa: F401
 
 from voidage.boundary import area_vectors
 from voidage.cells import Cells

@@ -72,7 +72,9 @@ fn python_solver(name: &str, interpreter: &Path, modules: &[(&str, String)]) {
 }
 
 fn has_module(interpreter: &Path, module: &str) -> bool {
-    let mut probe = python(interpreter, &format!("import {module}"));
+    // Wheels of dolfinx find the MPI that mpi4py has loaded.
+    let before = if module == "dolfinx" { "import mpi4py.MPI; " } else { "" };
+    let mut probe = python(interpreter, &format!("{before}import {module}"));
     probe.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     probe.status().is_ok_and(|status| status.success())
 }
