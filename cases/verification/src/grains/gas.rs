@@ -98,8 +98,7 @@ fn cool(seed: u64, travel: f64, last: f64) -> Result<Vec<(f64, f64)>> {
 /// Measured over theoretical rate.
 ///
 /// A Moreau-Jean step reverses two discs that would meet within it at its start, up to h |u_n| before they touch. So
-/// they meet as discs that much larger, the faster the more, and also where they would have missed each other by less
-/// than that: the gas cools too fast by an amount of first order in the step.
+/// they go less far between their impacts: the gas cools too fast by an amount of first order in the step.
 fn ratio(path: &[(f64, f64)]) -> f64 {
     line(&path.iter().map(|(t, temperature)| (*t, temperature.powf(-0.5))).collect::<Vec<_>>()).1 / cooling()
 }
