@@ -83,7 +83,8 @@ def migflow(python: Path, work: Path, warm: int, steps: int) -> dict[str, float]
 
 def voidage(work: Path, warm: int, steps: int, first: bool) -> dict[str, float]:
     """The same for voidage: the first time a run to the end of the warm-up, then one restarted from its checkpoint."""
-    subprocess.run(["cargo", "build", "--release", "--quiet", "--bin", "voidage"], check=True, cwd=ROOT)
+    if first:
+        subprocess.run(["cargo", "build", "--release", "--quiet", "--bin", "voidage"], check=True, cwd=ROOT)
     program = ROOT / "target" / "release" / "voidage"
     scene, out = ROOT / "cases" / "bubbling-bed" / "scene-migflow.toml", work / "voidage-out"
 

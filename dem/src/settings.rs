@@ -4,7 +4,7 @@ use crate::dem::Partner;
 use crate::error::{Error, Result, check};
 use crate::heat::Conduction;
 use crate::period::Period;
-use crate::solver::REST;
+use crate::solver::SOLVED;
 use crate::space::Vector;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -130,7 +130,7 @@ impl<const D: usize> Settings<D> {
     /// otherwise. Impulses that are not solved as well as that leave up to thirty times as much on a few grains of a
     /// bed.
     pub fn rest(&self) -> f64 {
-        (RESTS * self.tolerance * REST).sqrt()
+        (RESTS * self.tolerance * SOLVED.rest).sqrt()
     }
 
     /// The same after a sub-step whose velocities have an error of this share of the energy that forces bring: what
@@ -138,7 +138,7 @@ impl<const D: usize> Settings<D> {
     /// impulses come closer to the solution; grains that went on with such velocities would change the problem in
     /// every sub-step.
     pub(crate) fn rest_within(&self, error: f64) -> f64 {
-        let solved = self.tolerance * REST;
+        let solved = self.tolerance * SOLVED.rest;
         self.rest().max(UNTOLD * error.min(solved).sqrt())
     }
 

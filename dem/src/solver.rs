@@ -41,16 +41,17 @@ use crate::settings::Cost;
 use crate::space::Vector;
 use awake::Awake;
 use batches::TileBatches;
+pub(crate) use constants::{SCHEDULE, SOLVED};
 use increments::Increments;
 use runs::Measure;
-pub(crate) use runs::REST;
 use std::sync::Mutex;
 pub(crate) use tiles::Tiles;
-use tiles::{FORK_CONTACTS, NOTHING, over_colours};
+use tiles::{NOTHING, over_colours};
 use trend::Trend;
 
 mod awake;
 mod batches;
+mod constants;
 mod increments;
 mod lanes;
 mod residual;
@@ -146,7 +147,7 @@ pub(crate) struct Grains<'a, const D: usize> {
 const PASSES: f64 = 1e30;
 
 /// How a solve ended.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Outcome {
     pub sweeps: usize,
     /// Contacts relaxed; a look or a measure counts as many as are relaxed in its time.
@@ -363,7 +364,7 @@ impl<const D: usize> Problem<D> {
             }
             NOTHING
         };
-        over_colours(&self.tiles, &mut self.contacts, &mut [], FORK_CONTACTS, tile);
+        over_colours(&self.tiles, &mut self.contacts, &mut [], SCHEDULE.passes, tile);
     }
 }
 

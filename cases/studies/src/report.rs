@@ -126,18 +126,24 @@ fn drawn(study: &Study, lines: &[Line]) -> Vec<Panel> {
         // Where the error changes and the time hardly does, there is no power.
         let power = |line: &Line| line.power(k).filter(|power| power.abs() <= STEEPEST);
         let name = |line: &Line| named(line, power(line).map(|power| format!("time^{}", minus(power))));
-        let curve = |line: &Line| Curve::joined(name(line), places(line, k, |point| point.time));
-        panel(study, k, clock(study), lines.iter().map(curve).collect())
+        let curve = |(place, line): (usize, &Line)| Curve {
+            place: Some(place),
+            ..Curve::joined(name(line), places(line, k, |point| point.time))
+        };
+        panel(study, k, clock(study), lines.iter().enumerate().map(curve).collect())
     });
     let refined = quantities.map(|k| {
         let order = |line: &Line| line.order(k).map(|order| format!("order {}", minus(order)));
         // Curves that lie on each other are drawn as one.
         let mut groups: Vec<(&Line, Curve)> = Vec::new();
-        for line in lines {
+        for (place, line) in lines.iter().enumerate() {
             let points = places(line, k, |point| point.x);
             match groups.iter_mut().find(|(_, curve)| coincide(&curve.points, &points)) {
                 Some((_, curve)) => curve.name.push_str(&format!(", {}", line.name)),
-                None => groups.push((line, Curve::joined(named(line, None), points))),
+                None => {
+                    let curve = Curve::joined(named(line, None), points);
+                    groups.push((line, Curve { place: Some(place), ..curve }));
+                }
             }
         }
         let with_order = |(line, mut curve): (&Line, Curve)| {

@@ -3,16 +3,12 @@
 use super::Dem;
 use crate::bodies::Bodies;
 use crate::parallel;
-use crate::solver::{Grains, Outcome, Problem, Stopping};
+use crate::solver::{Grains, Outcome, Problem, SCHEDULE, Stopping};
 use crate::{Acceleration, Load, StepReport, Vector};
 use std::time::Instant;
 
 /// Share of the radius by which a contact may close beyond its gap in a sub-step: overlaps are taken back in the next.
 const CLOSING: f64 = 2e-3;
-/// Runs of sweeps before impulses are corrected over long distances.
-const SHORT_RUNS: usize = 3;
-/// Sweeps that a sub-step spends on solved contacts of grains at rest.
-const SETTLING_SWEEPS: usize = 32;
 /// Attempts at a sub-step whose grains become faster than assumed.
 const ATTEMPTS: usize = 5;
 
@@ -68,10 +64,10 @@ impl<const D: usize> Dem<D> {
         Stopping {
             tolerance: self.settings.tolerance,
             max_sweeps: self.settings.max_sweeps,
-            settling_sweeps: SETTLING_SWEEPS,
+            settling_sweeps: SCHEDULE.settling_sweeps,
             rest: self.settings.rest(),
             // Between masses far apart impulses do not vary slowly in space.
-            short_runs: (accelerated && !self.settings.interior).then_some(SHORT_RUNS),
+            short_runs: (accelerated && !self.settings.interior).then_some(SCHEDULE.short_runs),
             momentum: accelerated,
             // Sub-steps do not ask for more than their step would.
             forced: self.forced(step, load),

@@ -5,9 +5,9 @@
 //! sweeps wake those around it. It stays awake until momentum starts anew: what momentum remembers of a body holds for
 //! all of its contacts.
 
+use super::constants::SOLVED;
 use super::increments::{Increments, Units};
 use super::residual::{natural_map, rolling_map};
-use super::runs::FEW_MOVE;
 use super::sweep::own;
 use super::{Problem, relative};
 use crate::bodies::Bodies;
@@ -16,12 +16,6 @@ use crate::momentum::Momentum;
 use crate::parallel;
 use rayon::prelude::*;
 use std::sync::Mutex;
-
-/// Share of the error that may be left up to which all sleeping tiles together have it.
-const QUIET: f64 = 0.01;
-/// Share of the speed of closing that no contact may exceed, up to which a tile sleeps: light grains among heavy ones
-/// have little part in the energy, and would pass into each other over many steps.
-const CLOSES: f64 = 0.05;
 
 /// Tiles from one that moves to one that may rest.
 const REACH: usize = 2;
@@ -63,10 +57,10 @@ impl<const D: usize> Problem<D> {
     /// Wakes the tiles in which the last look has found more than their part of what may be left, J, or a contact that
     /// closes faster than it may, 1/s.
     pub(super) fn wake(&mut self, may_be_left: f64, closing: f64) {
-        let most = QUIET * may_be_left / self.tiles.len() as f64;
+        let most = SOLVED.quiet * may_be_left / self.tiles.len() as f64;
         for tile in 0..self.tiles.len() {
             let found = &self.tiles.found[tile];
-            let quiet = found.rough.get() <= most && found.closing.get() <= CLOSES * closing;
+            let quiet = found.rough.get() <= most && found.closing.get() <= SOLVED.closes * closing;
             if !self.awake.tiles[tile] && !quiet {
                 self.wake_tile(tile);
             }
@@ -90,7 +84,7 @@ impl<const D: usize> Problem<D> {
     /// Marks these grains and those near them, all if there are many.
     pub(crate) fn mark_near_moving(&mut self, mark: impl Fn(&Bodies<D>, &mut Vec<bool>) -> f64) {
         let share = self.mark_moving(mark);
-        if share > FEW_MOVE {
+        if share > SOLVED.few_move {
             self.moving.fill(true);
             return;
         }

@@ -23,10 +23,10 @@
 //! Impulses are in the frame of their contact, normal first. Contacts of a batch share no body; places that stay empty
 //! move a body that nobody has.
 
+use super::constants::SCHEDULE;
 use super::increments::{Increments, NONE, Units};
 use super::lanes::{LANES, Lanes};
 use super::relative;
-use super::sweep::STRONG;
 use crate::bodies::Bodies;
 use crate::contact::{Contact, Law};
 use crate::rolling::Rolling;
@@ -319,7 +319,7 @@ impl<const D: usize> TileBatches<D> {
             if let Some(lags) = self.lags.get(batch) {
                 let most = c.friction * (c.impulse.dot(&c.normal) + cohesion);
                 self.bounds[k] = most + f64::from(lags.0[lane]) * units.impulse();
-                bound = Some(self.bounds[k]).filter(|_| c.friction > STRONG);
+                bound = Some(self.bounds[k]).filter(|_| c.friction > SCHEDULE.strong);
             }
             if turned == 0.0 && d.iter().all(|d| *d == 0.0) {
                 continue;
@@ -354,7 +354,7 @@ impl<const D: usize> TileBatches<D> {
         let bodies = exact.bodies;
         for (k, c) in contacts.iter_mut().enumerate() {
             let cohesion = if L::COHESION { exact.cohesion[k] } else { 0.0 };
-            let bound = self.bounds.get(k).copied().filter(|_| L::FRICTION && c.friction > STRONG);
+            let bound = self.bounds.get(k).copied().filter(|_| L::FRICTION && c.friction > SCHEDULE.strong);
             let u = relative::<L, D>(bodies, c);
             let impulse = if L::ROLLING {
                 let r = &exact.rolling[k];

@@ -27,61 +27,13 @@
 //! Corrections also take what sweeps have changed of the impulses times such factors. As a measure these would claim
 //! errors that are none: where friction or cohesion are at their limits they lead out of the law.
 
+use super::constants::{SCHEDULE, SOLVED};
 use super::residual::Look;
-use super::sweep::STRONG;
 use super::{Grains, Outcome, Problem, Stopping};
 use crate::contact::Law;
 use crate::momentum::Momentum;
 use crate::parallel;
 use std::time::Instant;
-
-/// Sweeps of the first runs, and of all later ones: a warm start may need none. A measure with its correction costs
-/// as much as some fifty.
-const RUNS: [usize; 4] = [0, 8, 16, 30];
-
-/// Energy of smooth errors over what corrections over long distances would take away of it: 1 on stacks, 2 to 10 in
-/// random beds.
-const UNSEEN: f64 = 4.0;
-/// The energy of the error is at most the sum of |violation| |p - p*| over the contacts. Impulses from a cold start
-/// are too small for |p - p*| < |p|; this times |p| bounds it from early on.
-const BOUND: f64 = 10.0;
-/// Contacts relaxed in the time of a measure of smooth errors by sweeps in double precision; by those of batches it is
-/// some twenty.
-const MEASURE: usize = 6;
-
-/// Share of the energy that the contacts have to do with below which changes of the velocities count as rest: what
-/// forces give to grains at rest is taken back by contacts nearly in whole.
-pub(crate) const REST: f64 = 5e-3;
-/// The same up to which the solver, once it has solved a problem, goes on for the grains that rest, and the share of
-/// what may be left that it then tries to reach. At rest an error of the velocities turns the contacts, and the forces
-/// on them are the larger the deeper they lie: it comes back in the next sub-step P h^2 / (m d) times as large under
-/// the load P, which is 20 times under 400 rows of 50 um in 0.5 ms. Errors that are only small beside the forces let
-/// such a bed slip again and again; in one that has settled to rounding there is nothing to magnify. Where grains fly,
-/// so that a step has many short sub-steps, and the energy grows by no more than GROWS, the first sweeps of the next
-/// one take back what comes.
-const FEW: f64 = 0.1;
-const GROWS: f64 = 4.0;
-const SETTLED: f64 = 1e-7;
-/// Share of its error that a solved problem has left after the sweeps for settling if it is smooth: a correction
-/// follows.
-const SMOOTH: f64 = 0.5;
-
-/// Growth of the error after a correction, beyond all that the contacts have to do with, after which none is made.
-const DIVERGED: f64 = 30.0;
-/// Share of the error that is left after a correction and its run of sweeps, above which the next one waits twice as
-/// long, and the longest pause in runs: what is left then are errors that corrections do not see, and they would
-/// interrupt the momentum of the sweeps that do.
-const HELPED: f64 = 0.9;
-const LONGEST_PAUSE: usize = 64;
-/// Error above which no correction waits, and share of it that is smooth from which none does: the measure still grows
-/// with the impulses.
-const SEEN: f64 = 0.5;
-const GROWING: f64 = 1e-2;
-/// Error above which the changes of the impulses belong to the measure and the corrections.
-const NEAR: f64 = 1e-6;
-
-/// Share of the energy of all that grains may have which move where the others rest.
-pub(super) const FEW_MOVE: f64 = 0.02;
 
 /// When what is smooth of an error is measured.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -90,6 +42,16 @@ pub(super) enum Measure {
     /// If the rest of the error is small enough for the problem to be solved, or to be settled.
     IfSolved,
     IfSettled,
+}
+
+/// Where a solve stands.
+#[derive(Clone, Copy, PartialEq)]
+enum Phase {
+    /// More is wrong than may be.
+    Solving,
+    /// Solved, first after so many sweeps with this error: sweeps go on towards velocities that settle. `corrected` is
+    /// how it ended before it was corrected over long distances, once.
+    Settling { sweeps: usize, error: f64, corrected: Option<Outcome> },
 }
 
 /// When impulses are corrected over long distances.
@@ -114,8 +76,8 @@ impl Corrections {
     fn learn(&mut self, run: usize, outcome: &Outcome) {
         let error = outcome.error;
         if std::mem::take(&mut self.made) {
-            let seen = outcome.smooth > SEEN * outcome.energy;
-            if seen || error > GROWING || error <= HELPED * self.before {
+            let seen = outcome.smooth > SCHEDULE.seen * outcome.energy;
+            if seen || error > SCHEDULE.growing || error <= SCHEDULE.helped * self.before {
                 self.pause = self.pause.div_ceil(2);
                 self.next = run + self.pause - 1;
             } else {
@@ -126,7 +88,7 @@ impl Corrections {
 
     /// The next one waits for twice as long.
     fn wait(&mut self, run: usize) {
-        self.pause = (2 * self.pause).min(LONGEST_PAUSE);
+        self.pause = (2 * self.pause).min(SCHEDULE.longest_pause);
         self.next = run + self.pause - 1;
     }
 }
@@ -136,7 +98,7 @@ impl<const D: usize> Problem<D> {
     pub(super) fn sweeps<L: Law>(&mut self, stopping: &Stopping, grains: &Grains<D>) -> Outcome {
         let corners = self.corners();
         self.coarse.restart(corners, &self.radius, &mut self.uncorrected);
-        let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > STRONG);
+        let strong = L::FRICTION && self.contacts.iter().any(|c| c.friction > SCHEDULE.strong);
         self.trend.start(self.position.len());
         self.start_batches();
         let mut pace = self.sleep(stopping.momentum);
@@ -152,14 +114,12 @@ impl<const D: usize> Problem<D> {
             made: false,
         };
         let mut outcome = Outcome::default();
-        // Sweeps and error when the problem was solved first.
-        let mut solved = None;
-        // A solved problem before it is corrected.
-        let mut kept: Option<Outcome> = None;
+        let mut phase = Phase::Solving;
         for run in 0.. {
-            let count = RUNS[run.min(RUNS.len() - 1)].min(stopping.max_sweeps - outcome.sweeps);
+            let count =
+                SCHEDULE.runs[run.min(SCHEDULE.runs.len() - 1)].min(stopping.max_sweeps - outcome.sweeps);
             let due = corrections.due(run);
-            let column = due && solved.is_none() && (run == 0 || outcome.error > NEAR);
+            let column = due && phase == Phase::Solving && (run == 0 || outcome.error > SCHEDULE.near);
             self.run::<L>(outcome.sweeps..outcome.sweeps + count, strong, column, &mut pace);
             let last = outcome.sweeps + count == stopping.max_sweeps;
             let measure = match due || corrections.made || last {
@@ -176,28 +136,36 @@ impl<const D: usize> Problem<D> {
             outcome = Outcome { sweeps: outcome.sweeps + count, work, ..judged };
             corrections.learn(run, &outcome);
             let mut correct = corrections.due(run);
-            if outcome.solved(stopping) {
-                let (sweeps, error) = *solved.get_or_insert((outcome.sweeps, outcome.error));
-                let enough = outcome.sweeps >= sweeps + stopping.settling_sweeps;
-                let smooth = !outcome.rest && outcome.error > SMOOTH * error;
-                if outcome.settled(stopping) || enough && !(corrections.allowed && smooth) {
-                    break;
+            phase = match (phase, outcome.solved(stopping)) {
+                (Phase::Solving, true) => {
+                    Phase::Settling { sweeps: outcome.sweeps, error: outcome.error, corrected: None }
                 }
-                correct = enough;
-            } else if solved.take().is_some() {
-                if let Some(before) = kept {
-                    // What was solved before the correction stays so.
+                // What was solved before the correction stays so.
+                (Phase::Settling { corrected: Some(before), .. }, false) => {
                     self.take_back(grains);
                     outcome = Outcome { sweeps: outcome.sweeps, work: outcome.work, ..before };
                     break;
                 }
-                // From a cold start impulses may grow for a while before their error is seen.
-                corrections.allowed = !corrections.diverged && stopping.short_runs.is_some();
+                (Phase::Settling { .. }, false) => {
+                    // From a cold start impulses may grow for a while before their error is seen.
+                    corrections.allowed = !corrections.diverged && stopping.short_runs.is_some();
+                    Phase::Solving
+                }
+                (phase, _) => phase,
+            };
+            if let Phase::Settling { sweeps, error, .. } = phase {
+                let enough = outcome.sweeps >= sweeps + stopping.settling_sweeps;
+                let smooth = !outcome.rest && outcome.error > SCHEDULE.smooth * error;
+                if outcome.settled(stopping) || enough && !(corrections.allowed && smooth) {
+                    break;
+                }
+                correct = enough;
             }
             if last {
                 break;
             }
-            let most = if solved.is_some() { 1.0 } else { DIVERGED / corrections.before.min(1.0) };
+            let most =
+                if phase != Phase::Solving { 1.0 } else { SCHEDULE.diverged / corrections.before.min(1.0) };
             if outcome.error > most * corrections.before {
                 // Where walls leave no room there is no solution, and a correction only adds stress.
                 (corrections.allowed, corrections.diverged) = (false, true);
@@ -207,8 +175,10 @@ impl<const D: usize> Problem<D> {
                 self.look::<L>();
             } else if correct {
                 // A solved problem is corrected once.
-                corrections.allowed = solved.is_none();
-                kept = solved.map(|_| outcome);
+                corrections.allowed = phase == Phase::Solving;
+                if let Phase::Settling { corrected, .. } = &mut phase {
+                    *corrected = Some(outcome);
+                }
                 if self.correct::<L>(grains, outcome.energy) {
                     (corrections.before, corrections.made) = (outcome.error, true);
                     pace = self.sleep(stopping.momentum);
@@ -217,7 +187,7 @@ impl<const D: usize> Problem<D> {
                     corrections.wait(run);
                 }
             }
-            if solved.is_some() && outcome.rest {
+            if phase != Phase::Solving && outcome.rest {
                 self.wake_moving();
             } else if outcome.smooth > outcome.goal && !corrections.made {
                 self.wake_all();
@@ -320,16 +290,16 @@ impl<const D: usize> Problem<D> {
         let look: Look = self.look::<L>();
         let changed = (grains.changed)(&self.bodies) / scale;
         let reach = |rest: f64| stopping.tolerance * scale * rest;
-        let (enough, most) = (reach(changed.max(REST)), look.rough + BOUND * look.bound);
-        let grows = stopping.whole || look.comes_back * stopping.step * stopping.step > GROWS;
-        let settled = if changed <= FEW && grows { SETTLED * enough } else { enough };
-        let (seen, mut smooth, mut work) = (look.rough + trend, 0.0, self.contacts.len());
+        let (enough, most) = (reach(changed.max(SOLVED.rest)), look.rough + SOLVED.bound * look.bound);
+        let grows = stopping.whole || look.comes_back * stopping.step * stopping.step > SOLVED.grows;
+        let settled = if changed <= SOLVED.few_rest && grows { SOLVED.settled * enough } else { enough };
+        let (seen, mut smooth, mut work) = (look.rough + trend, 0.0, SCHEDULE.look * self.contacts.len());
         let at_rest = stopping.rest.powi(2) * scale;
         // Who closes on others and has not been pushed yet does not rest.
         let near =
             look.rough <= enough.min(at_rest) && look.closing <= stopping.closing && stopping.rest > 0.0;
         let moving = if near { self.mark_moving(grains.moving) } else { 1.0 };
-        let rest = moving <= FEW_MOVE;
+        let rest = moving <= SOLVED.few_move;
         let measured = match measure {
             _ if rest => false,
             Measure::Always => true,
@@ -338,9 +308,9 @@ impl<const D: usize> Problem<D> {
         };
         if measured {
             let mut coarse = std::mem::take(&mut self.coarse);
-            smooth = UNSEEN * coarse.measure::<L>(self);
+            smooth = SOLVED.unseen * coarse.measure::<L>(self);
             self.coarse = coarse;
-            work += MEASURE * self.contacts.len();
+            work += SCHEDULE.measure * self.contacts.len();
         }
         let energy = match rest {
             true => seen + at_rest,
@@ -378,7 +348,7 @@ impl<const D: usize> Problem<D> {
 impl Outcome {
     /// Energy of the velocity error over that of the changes of the velocities, which count as no less than rest.
     pub fn share(&self) -> f64 {
-        self.error / self.changed.max(REST)
+        self.error / self.changed.max(SOLVED.rest)
     }
 
     /// Whether nothing is left to do for grains at rest.

@@ -2,9 +2,10 @@
 
 use super::Problem;
 use super::batches::{Exact, RollingBatch, TileBatches};
+use super::constants::SCHEDULE;
 use super::increments::Increments;
 use super::lanes::{Eight, LANES};
-use super::tiles::{FORK_CONTACTS, NOTHING, over_colours, over_tiles};
+use super::tiles::{NOTHING, over_colours, over_tiles};
 use crate::contact::{Contact, Law};
 use crate::momentum::Momentum;
 use crate::team::Team;
@@ -14,20 +15,6 @@ use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use std::time::Instant;
-
-/// Coefficient above which friction lags behind the normal impulse, sweeps after which it does, and the share of the
-/// difference that a sweep makes up.
-///
-/// A sweep is no contraction when friction is strong: normal impulse and the bound mu p_n of the tangential one chase
-/// each other round a cycle. With the bound held, the problem is convex and sweeps converge; so the bound follows
-/// slowly. The share is measured, not derived: in beds with friction 10 the steps that stay unsolved are a quarter of
-/// those without. Weak friction converges without.
-pub(super) const STRONG: f64 = 1.0;
-pub(super) const LAGGING: usize = 200;
-pub(super) const FOLLOW: f32 = 0.05;
-
-/// Awake contacts above which several threads sweep.
-const SHARED: usize = 1_500;
 
 impl<const D: usize> Problem<D> {
     /// So many sweeps of the awake tiles, counted from the start of the solve, with momentum if there is a pace.
@@ -51,17 +38,17 @@ impl<const D: usize> Problem<D> {
             let tile = awake.order[awake.firsts[colour] + k] as usize;
             let mut batches = batches[tile].lock().expect("a tile in a panic");
             let sums = if lags.load(Relaxed) {
-                batches.follow_bounds(FOLLOW);
+                batches.follow_bounds(SCHEDULE.follow);
                 sweep_tile::<L, D, true>(&mut batches, increments, beta)
             } else {
                 sweep_tile::<L, D, false>(&mut batches, increments, beta)
             };
             (0..2).for_each(|a| increments.sums[tile][a].set(sums[a]));
         };
-        let threads = if awake.contacts > SHARED { rayon::current_num_threads() } else { 1 };
+        let threads = if awake.contacts > SCHEDULE.shared { rayon::current_num_threads() } else { 1 };
         Team::run(threads, &awake.counts, task, |team| {
             for sweep in sweeps {
-                lags.store(strong && sweep >= LAGGING, Relaxed);
+                lags.store(strong && sweep >= SCHEDULE.lagging, Relaxed);
                 trend.count(|i| increments.velocity(bodies, i));
                 if let Some(pace) = pace {
                     step.store((pace.beta as f32).to_bits(), Relaxed);
@@ -91,7 +78,7 @@ impl<const D: usize> Problem<D> {
             }
             NOTHING
         };
-        over_colours(tiles, &mut self.contacts, &mut self.batches, FORK_CONTACTS, build);
+        over_colours(tiles, &mut self.contacts, &mut self.batches, SCHEDULE.passes, build);
         let begin = |contacts: &mut [Contact<D>], batches: &mut [Mutex<TileBatches<D>>], tile: usize| {
             if awake[tile] {
                 own(batches).begin::<L>(contacts, &exact.of(tiles.contacts(tile)), &increments.units());
@@ -99,7 +86,7 @@ impl<const D: usize> Problem<D> {
             NOTHING
         };
         let all = 0..tiles.len();
-        over_tiles(all, &tiles.starts, &mut self.contacts, &mut self.batches, FORK_CONTACTS, &begin);
+        over_tiles(all, &tiles.starts, &mut self.contacts, &mut self.batches, SCHEDULE.passes, &begin);
     }
 
     /// A last sweep in double precision over the awake tiles: what single contacts decide is then exact.
@@ -113,7 +100,7 @@ impl<const D: usize> Problem<D> {
             }
             NOTHING
         };
-        over_colours(tiles, &mut self.contacts, &mut self.batches, FORK_CONTACTS, polish);
+        over_colours(tiles, &mut self.contacts, &mut self.batches, SCHEDULE.passes, polish);
         self.cost.sweeps_s += start.elapsed().as_secs_f64();
     }
 
@@ -128,7 +115,7 @@ impl<const D: usize> Problem<D> {
             }
             NOTHING
         };
-        over_colours(tiles, &mut self.contacts, &mut self.batches, FORK_CONTACTS, end);
+        over_colours(tiles, &mut self.contacts, &mut self.batches, SCHEDULE.passes, end);
     }
 }
 
@@ -216,7 +203,7 @@ pub(super) fn relax<E: Eight, L: Law, const D: usize, const LAGS: bool>(
             let mu = load(&x.friction);
             let mut more = mu * after[0];
             if LAGS {
-                more = mu.where_above(E::all(unit, STRONG as f32), load(&tile.lags[k]), more);
+                more = mu.where_above(E::all(unit, SCHEDULE.strong as f32), load(&tile.lags[k]), more);
             }
             let up = more + load(&x.room);
             if L::ROLLING {

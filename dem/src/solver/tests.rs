@@ -1,8 +1,9 @@
 //! Sweeps in single precision beside those in double, contact by contact in the same order.
 
+use super::SCHEDULE;
 use super::batches::{Exact, TileBatches};
 use super::lanes::Portable;
-use super::sweep::{FOLLOW, LAGGING, STRONG, own, relax};
+use super::sweep::{own, relax};
 use super::{Problem, relative};
 use crate::Vector;
 use crate::contact::{Contact, Coulomb, Frictionless, Law};
@@ -76,7 +77,7 @@ fn in_double<L: Law, const D: usize>(problem: &mut Problem<D>, order: &[usize], 
     let mut bounds: Vec<f64> = vec![];
     let mut pace = Momentum::default();
     for sweep in 0..sweeps {
-        if sweep >= LAGGING {
+        if sweep >= SCHEDULE.lagging {
             let bound = |problem: &Problem<D>, k: usize| {
                 let c = &problem.contacts[k];
                 c.friction * (c.impulse.dot(&c.normal) + problem.cohesion[k])
@@ -84,7 +85,7 @@ fn in_double<L: Law, const D: usize>(problem: &mut Problem<D>, order: &[usize], 
             match bounds.is_empty() {
                 true => bounds.extend((0..contacts).map(|k| bound(problem, k))),
                 false => (0..contacts).for_each(|k| {
-                    bounds[k] += f64::from(FOLLOW) * (bound(problem, k) - bounds[k]);
+                    bounds[k] += f64::from(SCHEDULE.follow) * (bound(problem, k) - bounds[k]);
                 }),
             }
         }
@@ -103,7 +104,7 @@ fn in_double<L: Law, const D: usize>(problem: &mut Problem<D>, order: &[usize], 
             last[k] = c.impulse;
             let u = relative::<L, D>(&problem.bodies, &c);
             let cohesion = problem.cohesion[k];
-            let bound = if c.friction > STRONG { bounds.get(k).copied() } else { None };
+            let bound = if c.friction > SCHEDULE.strong { bounds.get(k).copied() } else { None };
             let impulse = if L::ROLLING {
                 let r = &problem.rolling[k];
                 let before = r.impulse.get();
@@ -156,7 +157,7 @@ fn both<L: Law, const D: usize>(along: usize, friction: f64, numbers: &[usize]) 
         let mut pace = single.sleep(true);
         single.wake_all();
         for run in (0..sweeps).step_by(30) {
-            single.sweep::<L>(run..sweeps.min(run + 30), friction > STRONG, &mut pace);
+            single.sweep::<L>(run..sweeps.min(run + 30), friction > SCHEDULE.strong, &mut pace);
         }
         in_double::<L, D>(&mut double, &own(&mut single.batches).order(), sweeps);
         apart::<L, D>(&double, &single, &start)

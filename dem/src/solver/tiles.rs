@@ -35,10 +35,6 @@ impl Tiles {
     }
 }
 
-/// Contacts of a colour above which its tiles go to several threads in passes other than sweeps: these take some thirty
-/// nanoseconds for each.
-pub(super) const FORK_CONTACTS: usize = 5_000;
-
 /// What a pass over the contacts adds up, and the largest of a last number.
 pub(super) type Sums = ([f64; 6], f64);
 

@@ -57,6 +57,8 @@ pub struct Curve {
     pub points: Vec<(f64, f64)>,
     /// How it is drawn.
     pub style: Style,
+    /// Its place among the coloured curves, from 0, where it must look as in another panel; none: the next one.
+    pub place: Option<usize>,
 }
 
 /// How a curve is drawn. Black and grey are what is known; the others take a colour each, in their order;
@@ -81,39 +83,43 @@ pub enum Style {
 }
 
 impl Curve {
+    fn of(name: impl Into<String>, points: Vec<(f64, f64)>, style: Style) -> Self {
+        Self { name: name.into(), points, style, place: None }
+    }
+
     /// The exact curve.
     pub fn line(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, style: Style::Line }
+        Self::of(name, points, Style::Line)
     }
 
     /// Known values at some points.
     pub fn known(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, style: Style::Known }
+        Self::of(name, points, Style::Known)
     }
 
     /// Measured values.
     pub fn points(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, style: Style::Points }
+        Self::of(name, points, Style::Points)
     }
 
     /// Measured values, close to each other.
     pub fn measured(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, style: Style::Measured }
+        Self::of(name, points, Style::Measured)
     }
 
     /// Measured values that are noisy, beside their mean.
     pub fn faint(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, style: Style::Faint }
+        Self::of(name, points, Style::Faint)
     }
 
     /// Measured values that belong together: errors against mesh size.
     pub fn joined(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, style: Style::Joined }
+        Self::of(name, points, Style::Joined)
     }
 
     /// A slope or bound to compare with.
     pub fn dashes(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, style: Style::Dashes }
+        Self::of(name, points, Style::Dashes)
     }
 }
 
@@ -305,7 +311,7 @@ fn looks(curves: &[Curve]) -> Vec<Look> {
                     ..plain(BLACK)
                 };
             }
-            _ => coloured += usize::from(named),
+            _ => coloured = curve.place.map_or(coloured + usize::from(named), |place| place + 1),
         }
         let place = coloured.saturating_sub(1);
         let again = place / COLOURS.len() % 2 == 1;
@@ -496,6 +502,20 @@ mod tests {
             seen.sort_unstable();
             seen.dedup();
             assert_eq!(seen.len(), 11);
+        }
+    }
+
+    /// Curves that lie on each other are one in one panel of a study and two in the other: all that followed changed
+    /// their colours.
+    #[test]
+    fn a_curve_looks_the_same_in_panels_with_other_curves() {
+        let of = |places: &[usize]| {
+            let curve = |k: &usize| Curve { place: Some(*k), ..Curve::joined(format!("{k}"), vec![]) };
+            looks(&places.iter().map(curve).collect::<Vec<_>>())
+        };
+        let (all, some) = (of(&[0, 1, 2, 3, 7]), of(&[0, 3, 7]));
+        for (a, b) in [(0, 0), (3, 1), (4, 2)] {
+            assert_eq!((all[a].colour, all[a].mark), (some[b].colour, some[b].mark));
         }
     }
 }
