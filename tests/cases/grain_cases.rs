@@ -463,7 +463,7 @@ fn momentum_defect(simulation: &mut Simulation) -> f64 {
 /// What rests is balanced up to a share that goes with the root of the tolerance.
 #[test]
 fn what_walls_give_is_the_change_of_the_momentum_of_the_grains() {
-    let precise = scene("stirred-bed/scene.toml", &["contacts.tolerance=1e-20", "contacts.max_sweeps=50"]);
+    let precise = scene("stirred-bed/scene.toml", &["contacts.tolerance=1e-22", "contacts.max_sweeps=50"]);
     let mut simulation = Simulation::new(&precise).unwrap();
     for _ in 0..100 {
         let defect = momentum_defect(&mut simulation);

@@ -110,6 +110,9 @@ impl Contents {
                 "$NOD" => {
                     return Err(file.error(format!("a file of format 1{CONVERT}")));
                 }
+                "$ParametricNodes" => {
+                    return Err(file.error("the nodes are parametric: save with Mesh.SaveParametric = 0"));
+                }
                 "$PartitionedEntities" => {
                     return Err(file.error(
                         "the mesh is partitioned: save it whole, with Mesh.PartitionCreateTopology = 0 or after \

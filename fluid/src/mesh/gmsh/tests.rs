@@ -129,6 +129,7 @@ fn errors_name_the_place() {
     };
     fails("4.1 0 8", "4.0 0 8", "two.msh:2: format 4.0, allowed are 4.1 and 2.2");
     fails("$Comment", "$PartitionedEntities", "two.msh:17: the mesh is partitioned");
+    fails("$Comment", "$ParametricNodes", "two.msh:17: the nodes are parametric");
     fails("$MeshFormat", "$NOD", "two.msh:1: a file of format 1, allowed are");
     fails("4.1 0 8", "4.1 1 8", "two.msh:2: a binary file where text should be");
     fails("1 1 0\n0 1 0\n", "1 1x 0\n0 1 0\n", "two.msh:31: \"1x\" where a number of coordinates should be");
