@@ -277,9 +277,9 @@ class Campaign:
             "placement = { lattice = { lower = [0.005, 0.03], upper = [0.035, 0.06] } }",
             f"[fluid]\ndensity = {density}\nviscosity = {viscosity}",
             f"mesh.rectangle = {{ lower = [0.0, 0.0], upper = [0.04, 0.08], size = {size}, sides = {{ {sides} }} }}",
-            "boundaries = [%s]"
-            % ", ".join(f'{{ name = "{n}", flow = "{f}" }}' for n, f in [("walls", "no-slip"), ("floor", "slip"), ("top", "open")]),
-            f'[coupling]\ndrag.law = "{law}"',
+            'boundaries = [{ name = "walls", flow = "no-slip" }, { name = "floor", flow = "slip" }, '
+            '{ name = "top", flow = "open" }]',
+            f'[coupling]\ndrag = "{law}"',
         ]
         (self.work / "disc.toml").write_text("\n".join(lines))
         out = self.folder()

@@ -116,7 +116,7 @@ def test_a_study_finds_the_python_that_a_file_needs(program, tmp_path):
     study.write_text(
         'title = "Mine"\ncase = { problem = "manufactured" }\nreference = "manufactured"\n'
         '[[quantities]]\nname = "velocity"\nof = { error = "u" }\n'
-        "[[sweeps]]\nvary = { squares = [4, 8], "
+        "[[sweeps]]\nrefine = 'squares'\nvary = { squares = [4, 8], "
         f"solver = ['fenicsx', {{ python = '{mine}' }}] }}\n"
     )
     done = subprocess.run(
@@ -126,10 +126,9 @@ def test_a_study_finds_the_python_that_a_file_needs(program, tmp_path):
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    (table,) = (tmp_path / "out").glob("*.csv")
-    with open(table) as file:
+    with open(tmp_path / "out" / "results.csv") as file:
         rows = list(csv.DictReader(file))
-    errors = [float(row["velocity"]) for row in rows]
+    errors = [float(row["error_of_velocity"]) for row in rows]
     assert len(errors) == 4
     assert sorted(errors)[0] == pytest.approx(sorted(errors)[1], rel=1e-9)
 
