@@ -174,7 +174,7 @@ mod tests {
                     assert!(deepest < 1e-12, "{what} at {miss} radii, step {step}: {deepest}");
                 };
                 let past = 1.0 + miss;
-                clear(&[([past, 10.3], [0.0, -1.0])], &[ledge.clone()], "the end of a wall");
+                clear(&[([past, 10.3], [0.0, -1.0])], std::slice::from_ref(&ledge), "the end of a wall");
                 clear(&[([past, 10.3], [0.0, -1.0])], &corner, "a corner");
                 clear(&[([-10.3, past], [1.0, 0.0])], &corner, "over an edge");
                 let moving = |motion: &Motion<2>| Wall { motion: motion.clone(), ..ledge.clone() };
@@ -208,7 +208,8 @@ mod tests {
             let beside = f64::max(offset, 0.0);
             let normal = Plane::new(beside, (1.0 - beside * beside).sqrt());
             for step in STEPS {
-                let (dem, _) = fly(&[([offset, 9.3], [0.0, -1.0])], &elastic, &[ledge.clone()], step);
+                let (dem, _) =
+                    fly(&[([offset, 9.3], [0.0, -1.0])], &elastic, std::slice::from_ref(&ledge), step);
                 let after = Plane::new(0.0, -1.0) + normal * (2.0 * normal[1]);
                 assert_relative_eq!(dem.particles.velocity[0], after, epsilon = 1e-9);
             }
