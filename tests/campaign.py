@@ -287,9 +287,11 @@ class Campaign:
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
         run = subprocess.Popen(command, cwd=self.work, **pipes)  # type: ignore[call-overload]
         said = self.ended(run, [0, 1])
-        rows = (self.work / out / "series.csv").read_text().splitlines()
-        column = rows[0].split(",").index("max_fluid_speed_m_per_s")
-        fastest = max(float(row.split(",")[column]) for row in rows[1:])
+        rows = [row.split(",") for row in (self.work / out / "series.csv").read_text().splitlines()]
+        name = "max_fluid_speed_m_per_s"
+        if len(rows) < 2 or name not in rows[0]:
+            raise Wrong(f"series.csv has {len(rows)} rows, the first is {rows[:1]}")
+        fastest = max(float(row[rows[0].index(name)]) for row in rows[1:])
         # A free fall of 0.05 s, with a tenth of the width of the box left beside the disc.
         if run.returncode == 0 and fastest > 10.0 * 9.81 * 0.05 * 4.0:
             raise Wrong(f"{fastest} m/s\n{said}" + "\n".join(lines))

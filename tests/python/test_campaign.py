@@ -11,7 +11,7 @@ import campaign
 def test_nothing_is_lost_and_nothing_is_silent(program):
     rows, wrong = campaign.campaign(Path(program), count=3, seed=5)
     assert not wrong, "\n".join(wrong)
-    assert len(rows) == 15 and all(tried == good == 3 for _, tried, good in rows)
+    assert len(rows) == 16 and all(tried == good == 3 for _, tried, good in rows)
 
 
 def test_the_campaign_finds_a_program_that_loses_results(tmp_path):
