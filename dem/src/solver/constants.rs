@@ -1,17 +1,14 @@
-//! What decides when contacts count as solved, and how a solve proceeds: all in two tables.
+//! What decides when the sweeps have solved the contacts, and how they proceed, in two tables. (Corrections over long
+//! distances, the repair of overlaps and the interior-point method have their own constants, beside their methods.)
 //!
 //! | constants | measured on |
 //! |---|---|
-//! | `unseen` | energy of the true error over that which factors find: 1 in stacks of 80 to 1600 discs, 2 to 10 in beds of 20 to 400 rows with friction, from a cold start |
-//! | `bound` | the same beds: size of the missing impulses over that of the present ones after 24 sweeps |
-//! | `rest`, `few_rest`, `settled`, `grows` | beds of 400 rows of 50 um in steps of 0.5 ms: whether they creep over 200 steps |
-//! | `few_move` | a droplet on 97,000 grains of 55 um: sweeps a step, and whether the bed around it creeps |
-//! | `quiet`, `closes` | heavy discs on beds of 8,000 and 90,000: sweeps and penetration with and without tiles that sleep |
-//! | `runs`, `short_runs` | cold, settling and hit beds of 4,000 to 20,000: time, with runs of 8 to 120 sweeps |
-//! | `settling_sweeps` | hoppers and drums: sweeps a step, and whether heaps come to rest |
-//! | `diverged`, `helped`, `longest_pause`, `seen`, `growing`, `near`, `smooth` | the same beds, a jammed mill, and a column of 300 discs that collapses: time, and steps that stay unsolved |
-//! | `strong`, `lagging`, `follow` | beds with friction 0.5 to 10: the steps that stay unsolved with friction 10 are a quarter of those with a bound that follows at once. Weak friction converges without |
-//! | `shared`, `passes` | 500 to 20,000 contacts on one and two threads |
+//! | `unseen` | energy of the true error over that which factors find: 1 in stacks, 2 to 10 in random beds |
+//! | `rest`, `few_rest`, `settled`, `grows` | beds of 400 rows of 50 um in steps of 0.5 ms |
+//! | `runs` | cold, settling and hit beds of 4,000 to 20,000 discs: longer runs are no faster |
+//! | `strong`, `lagging`, `follow` | beds with friction 10: the steps that stay unsolved are a quarter of those with a bound that follows at once. Weak friction converges without |
+//! | `look`, `measure` | time of a look and of a measure over that of a relaxation, in a bed of 8,000 discs |
+//! | all others | chosen by the reasons beside them, and not measured one by one |
 
 /// When contacts count as solved, settled, or at rest.
 pub(crate) struct Solved {
