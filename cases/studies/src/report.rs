@@ -202,7 +202,7 @@ fn panel(study: &Study, quantity: usize, label: &str, curves: Vec<Curve>) -> Pan
     let name = &study.quantities[quantity].name;
     let title = if study.quantities.len() == 1 { format!("{}: {name}", study.title) } else { name.clone() };
     let mut panel = Panel::log_log(title, label, "relative error");
-    panel.curves = curves;
+    panel.curves = curves.into_iter().filter(|curve| !curve.points.is_empty()).collect();
     let all = panel.curves.iter().flat_map(|curve| &curve.points).filter(|point| point.1 > 0.0);
     let (low, high) = all.fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), p| (l.min(p.0), h.max(p.0)));
     if low < high {

@@ -2,4 +2,5 @@
 
 pub mod bars;
 pub mod canvas;
+mod legend;
 pub mod panels;

@@ -1,6 +1,7 @@
 //! Pages of small plots: measured points on exact lines.
 
 use super::canvas::{Area, Canvas, label, pixels, power_of_ten, text};
+use super::legend::{beside, emptiest, names};
 use plotters::chart::SeriesAnno;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
@@ -179,7 +180,8 @@ pub fn large(path: &Path, columns: usize, panels: &[Panel]) -> Result<()> {
 fn sheet(path: &Path, columns: usize, size: [u32; 2], panels: &[Panel]) -> Result<()> {
     let columns = panels.len().clamp(1, columns);
     let rows = panels.len().div_ceil(columns);
-    let mut canvas = Canvas::new(size[0] * columns as u32, size[1] * rows as u32);
+    let beside = panels.iter().map(beside).max().unwrap_or(0);
+    let mut canvas = Canvas::new((size[0] + beside) * columns as u32, size[1] * rows as u32);
     canvas.draw(path, |area| {
         for (panel, area) in panels.iter().zip(area.split_evenly((rows, columns))) {
             draw(panel, &area)?;
@@ -223,14 +225,20 @@ fn bounds(values: impl Iterator<Item = f64>, log: bool) -> (f64, f64) {
     (middle - 0.56 * span, middle + 0.56 * span)
 }
 
+pub(super) type Chart<'a> = ChartContext<'a, BitMapBackend<'a>, Cartesian2d<Axis, Axis>>;
+
 fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::error::Error>> {
     let curves: Vec<Vec<(f64, f64)>> = panel.curves.iter().map(|curve| places(panel, curve)).collect();
     let reached = || panel.curves.iter().zip(&curves).flat_map(|(curve, places)| reached(curve, places));
     let (left, right) = bounds(reached().map(|point| point.0), panel.log[0]);
     let (low, high) = bounds(reached().map(|point| point.1), panel.log[1]);
     let (low, high) = if panel.down { (high, low) } else { (low, high) };
-    let high = high + panel.headroom * (high - low);
-    let mut chart = ChartBuilder::on(area)
+    let aside = beside(panel);
+    let headroom = if aside > 0 { 0.0 } else { panel.headroom };
+    let high = high + headroom * (high - low);
+    let width = area.dim_in_pixel().0.saturating_sub(pixels(aside));
+    let (area, legend) = area.split_horizontally(width);
+    let mut chart = ChartBuilder::on(&area)
         .caption(&panel.title, text(19))
         .margin(pixels(10))
         .margin_right(pixels(22))
@@ -262,18 +270,18 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
         Style::Points | Style::Known => 2,
         _ => 1,
     });
-    for ((curve, points), look) in strokes {
-        stroke(&mut chart, curve, points, look)?;
+    for ((curve, points), look) in &strokes {
+        stroke(&mut chart, curve, points, *look)?;
     }
-    if panel.curves.iter().any(|curve| !curve.name.is_empty()) {
-        chart
-            .configure_series_labels()
-            .position(emptiest(&curves, [left, low, right, high], panel.headroom > 0.0))
-            .margin(pixels(8))
-            .legend_area_size(pixels(30))
-            .label_font(text(14))
-            .background_style(WHITE.mix(0.85))
-            .draw()?;
+    if aside > 0 {
+        let axis = || Axis { range: (0.0..1.0).into(), ticks: Vec::new() };
+        let mut empty = ChartBuilder::on(&legend).margin_top(pixels(40)).build_cartesian_2d(axis(), axis())?;
+        for (curve, look) in panel.curves.iter().zip(looks(&panel.curves)) {
+            stroke(&mut empty, curve, &[], look)?;
+        }
+        names(&mut empty, SeriesLabelPosition::UpperLeft)?;
+    } else if panel.curves.iter().any(|curve| !curve.name.is_empty()) {
+        names(&mut chart, emptiest(&curves, [left, low, right, high], headroom > 0.0))?;
     }
     Ok(())
 }
@@ -326,7 +334,7 @@ fn looks(curves: &[Curve]) -> Vec<Look> {
 }
 
 fn stroke(
-    chart: &mut ChartContext<BitMapBackend, Cartesian2d<Axis, Axis>>,
+    chart: &mut Chart,
     curve: &Curve,
     points: &[(f64, f64)],
     Look { colour, mark, dashed }: Look,
@@ -385,39 +393,9 @@ fn named<'c, 'a, B: DrawingBackend>(
     (!name.is_empty()).then(|| drawn.label(name))
 }
 
-/// The place with the fewest points near it, where the legend hides least; above, if there is room for it.
-fn emptiest(
-    curves: &[Vec<(f64, f64)>],
-    [left, low, right, high]: [f64; 4],
-    above: bool,
-) -> SeriesLabelPosition {
-    let near = |column: usize, upper: bool| {
-        let inside = |(x, y): &&(f64, f64)| {
-            let (across, up) = ((x - left) / (right - left), (y - low) / (high - low));
-            let across = [across < 0.5, (0.25..0.75).contains(&across), across > 0.5][column];
-            across && if upper { up > 0.6 } else { up < 0.4 }
-        };
-        // A curve of many points hides as much as one of few.
-        let share =
-            |curve: &Vec<(f64, f64)>| curve.iter().filter(inside).count() as f64 / curve.len().max(1) as f64;
-        curves.iter().map(share).sum::<f64>()
-    };
-    let places = [
-        (SeriesLabelPosition::UpperRight, 2, true),
-        (SeriesLabelPosition::UpperLeft, 0, true),
-        (SeriesLabelPosition::LowerRight, 2, false),
-        (SeriesLabelPosition::LowerLeft, 0, false),
-        (SeriesLabelPosition::UpperMiddle, 1, true),
-        (SeriesLabelPosition::LowerMiddle, 1, false),
-    ];
-    let allowed = places.into_iter().filter(|(_, _, upper)| *upper || !above);
-    let best = allowed.min_by(|a, b| near(a.1, a.2).total_cmp(&near(b.1, b.2)));
-    best.map_or(SeriesLabelPosition::UpperRight, |(place, ..)| place)
-}
-
 /// An axis with ticks at places of its own.
 #[derive(Clone)]
-struct Axis {
+pub(super) struct Axis {
     range: RangedCoordf64,
     ticks: Vec<f64>,
 }
