@@ -20,6 +20,8 @@ pub mod harmonic;
 pub mod linear;
 pub mod mesh;
 pub mod points;
+#[cfg(test)]
+mod steady_tests;
 pub mod transport;
 
 pub use error::{Error, Result};

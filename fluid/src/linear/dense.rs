@@ -69,6 +69,9 @@ impl Scalar for f64 {
 /// Columns that are factored before the rest is updated.
 const PANEL: usize = 16;
 
+/// Share of the largest entry of a column from which the diagonal is its pivot: rows are exchanged for less only.
+const PIVOT: f64 = 0.1;
+
 /// Products with more operations than this are cut into tiles of columns, which may run in
 /// parallel.
 const TILE_ABOVE: usize = 40_000_000;
@@ -119,13 +122,7 @@ impl<T: Scalar> NullaryFnOnce for FactorColumns<'_, T> {
     fn call(self) {
         let Self { panel, rows, pivots, first, last, swaps } = self;
         for k in first..last {
-            let column = &panel[k * rows..(k + 1) * rows];
-            let mut pivot = k;
-            for i in k + 1..pivots {
-                if column[i].size() > column[pivot].size() {
-                    pivot = i;
-                }
-            }
+            let pivot = k + pivot(&panel[k * rows..][k..pivots]);
             swaps[k] = pivot as u32;
             if pivot != k {
                 for column in panel.chunks_exact_mut(rows) {
@@ -152,6 +149,23 @@ impl<T: Scalar> NullaryFnOnce for FactorColumns<'_, T> {
     }
 }
 
+/// The place of a pivot: the first one if it is large enough, else the largest.
+#[inline(always)]
+fn pivot<T: Scalar>(column: &[T]) -> usize {
+    let larger = |a: T, b: T| if b > a { b } else { a };
+    // Sixteen at a time, which compilers turn into vectors.
+    let (chunks, rest) = column.as_chunks::<16>();
+    let mut largest = [T::default(); 16];
+    for chunk in chunks {
+        largest = std::array::from_fn(|l| larger(largest[l], chunk[l].size()));
+    }
+    let largest = rest.iter().map(|x| x.size()).chain(largest).fold(T::default(), larger);
+    if column[0].size() >= T::from_f64(PIVOT) * largest {
+        return 0;
+    }
+    column.iter().position(|x| x.size() == largest).unwrap_or(0)
+}
+
 /// U = L^-1 P F for the columns of a front behind its pivots: `upper` is `pivots` by any number.
 pub(crate) fn solve_upper_rows<T: Scalar>(
     panel: &[T],
@@ -166,9 +180,9 @@ pub(crate) fn solve_upper_rows<T: Scalar>(
     let columns = upper.len() / pivots;
     let lower = MatRef::from_column_major_slice(panel, rows, pivots).split_at_row(pivots).0;
     let solve = |upper: &mut [T]| {
-        for column in upper.chunks_exact_mut(pivots) {
-            for (k, &swap) in swaps.iter().enumerate() {
-                column.swap(k, swap as usize);
+        if (0..).zip(swaps).any(|(k, &swap)| k != swap) {
+            for column in upper.chunks_exact_mut(pivots) {
+                (0..).zip(swaps).for_each(|(k, &swap): (usize, _)| column.swap(k, swap as usize));
             }
         }
         let columns = upper.len() / pivots;
@@ -185,26 +199,21 @@ pub(crate) fn solve_upper_rows<T: Scalar>(
     }
 }
 
-/// S -= L U with the last rows of a panel: `update` is square, of `rows` - `pivots`.
-pub(crate) fn subtract_product<T: Scalar>(
-    panel: &[T],
-    rows: usize,
-    pivots: usize,
-    upper: &[T],
-    update: &mut [T],
-    replace: bool,
-) {
-    let accumulate = if replace { Accum::Replace } else { Accum::Add };
+/// S = -L U with the last rows of a panel: `update` is square, of `rows` - `pivots`.
+pub(crate) fn product<T: Scalar>(panel: &[T], rows: usize, pivots: usize, upper: &[T], update: &mut [T]) {
     let size = rows - pivots;
-    if size == 0 || pivots == 0 {
+    if pivots == 0 {
+        return update.fill(T::default());
+    }
+    if size == 0 {
         return;
     }
     let lower = MatRef::from_column_major_slice(panel, rows, pivots).split_at_row(pivots).1;
-    let product = |(update, upper): (&mut [T], &[T])| {
+    let tile = |(update, upper): (&mut [T], &[T])| {
         let columns = update.len() / size;
         matmul(
             MatMut::from_column_major_slice_mut(update, size, columns),
-            accumulate,
+            Accum::Replace,
             lower,
             MatRef::from_column_major_slice(upper, pivots, columns),
             -T::ONE,
@@ -212,9 +221,9 @@ pub(crate) fn subtract_product<T: Scalar>(
         );
     };
     if 2 * size * size * pivots > TILE_ABOVE {
-        update.par_chunks_mut(size * TILE).zip(upper.par_chunks(pivots * TILE)).for_each(product);
+        update.par_chunks_mut(size * TILE).zip(upper.par_chunks(pivots * TILE)).for_each(tile);
     } else {
-        product((update, upper));
+        tile((update, upper));
     }
 }
 
@@ -317,5 +326,46 @@ fn subtract_four<T: Scalar>(y: &mut [T], columns: [&[T]; 4], factors: [T; 4]) {
 fn subtract_one<T: Scalar>(y: &mut [T], column: &[T], factor: T) {
     for (y, &a) in y.iter_mut().zip(column) {
         *y -= a * factor;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Factors of one front, and the product of them with its rows in their first order.
+    fn of_its_factors(front: &[f64], rows: usize, pivots: usize) -> (Vec<u32>, Vec<f64>) {
+        let (mut panel, mut swaps) = (front.to_vec(), vec![0; pivots]);
+        factor_panel(&mut panel, rows, pivots, &mut swaps);
+        let at = |i: usize, j: usize| panel[j * rows + i];
+        let upper = |i: usize, j: usize| if i == j { 1.0 / at(i, i) } else { at(i, j) };
+        let lower = |i: usize, j: usize| if i == j { 1.0 } else { at(i, j) };
+        let mut product = vec![0.0; front.len()];
+        for j in 0..pivots {
+            for i in 0..rows {
+                product[j * rows + i] = (0..=i.min(j)).map(|k| lower(i, k) * upper(k, j)).sum();
+            }
+            for (k, &swap) in swaps.iter().enumerate().rev() {
+                product[j * rows..].swap(k, swap as usize);
+            }
+        }
+        (swaps, product)
+    }
+
+    #[test]
+    fn a_small_diagonal_is_exchanged_and_one_that_is_large_enough_is_not() {
+        let (rows, pivots) = (57, 41);
+        for diagonal in [1e-9, 0.5] {
+            let entry = |k: usize| match (k / rows, k % rows) {
+                (j, i) if i == j => diagonal,
+                (j, i) => (1.7 * (i * rows + 3 * j) as f64).sin() * if diagonal < 0.1 { 1.0 } else { 0.02 },
+            };
+            let front: Vec<f64> = (0..rows * pivots).map(entry).collect();
+            let (swaps, product) = of_its_factors(&front, rows, pivots);
+            let exchanged = (0..).zip(&swaps).filter(|(k, swap)| *k != **swap).count();
+            assert_eq!(exchanged > 0, diagonal < 0.1, "{exchanged} of {pivots} rows");
+            let wrong = front.iter().zip(&product).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+            assert!(wrong < 1e-12, "{wrong:e}");
+        }
     }
 }

@@ -12,7 +12,7 @@
 //! elimination in any order of nodes is stable; a pivot that vanishes anyway is replaced by a small number and
 //! left to GMRES.
 
-use super::dense::{Backward, Forward, Scalar, factor_panel, solve_upper_rows, subtract_product};
+use super::dense::{Backward, Forward, Scalar, factor_panel, product, solve_upper_rows};
 use super::gmres::Preconditioner;
 use super::matrix::BlockMatrix;
 use super::scaling::Scaling;
@@ -103,28 +103,24 @@ impl<const B: usize> Factorisation<'_, B> {
 
         panel.fill(T::default());
         upper.fill(T::default());
-        let is_leaf = front.children.is_empty();
-        if !is_leaf {
-            update.fill(T::default());
-        }
         self.add_entries(front, panel, upper);
+        let size = [pivots, rows];
+        self.each_update(front, work, |child, from| extend_pivots::<T, B>(child, from, size, panel, upper));
+        factor_panel(panel, pivots + rows, pivots, swaps);
+        solve_upper_rows(panel, pivots + rows, pivots, swaps, upper);
+        product(panel, pivots + rows, pivots, upper, update);
+        self.each_update(front, work, |child, from| extend_rows::<T, B>(child, from, size, update));
+    }
+
+    /// The update matrices that the children of a front have left.
+    fn each_update<T>(&self, front: &Front, work: &[T], mut add: impl FnMut(&Front, &[T])) {
         let mut waiting = 0;
         for &child in &front.children {
             let child = &self.symbolic.fronts[child as usize];
             let size = B * child.rows.len();
-            extend_add::<T, B>(
-                child,
-                &work[waiting..waiting + size * size],
-                [pivots, rows],
-                panel,
-                upper,
-                update,
-            );
+            add(child, &work[waiting..waiting + size * size]);
             waiting += if front.forks { child.subtree.work } else { size * size };
         }
-        factor_panel(panel, pivots + rows, pivots, swaps);
-        solve_upper_rows(panel, pivots + rows, pivots, swaps, upper);
-        subtract_product(panel, pivots + rows, pivots, upper, update, is_leaf);
     }
 
     /// One child after the other; their update matrices stay in the memory one behind the other.
@@ -186,32 +182,51 @@ impl<const B: usize> Factorisation<'_, B> {
     }
 }
 
-/// Adds the update matrix of a child to the three parts of its parent.
-fn extend_add<T: Scalar, const B: usize>(
+/// Adds what the update matrix of a child has in the rows and columns of the pivots of its parent.
+fn extend_pivots<T: Scalar, const B: usize>(
     child: &Front,
     from: &[T],
     [pivots, rows]: [usize; 2],
     panel: &mut [T],
     upper: &mut [T],
+) {
+    each_run::<T, B>(child, from, |column, row, from| {
+        if column < pivots {
+            add(&mut panel[column * (pivots + rows) + row..], from);
+        } else if row < pivots {
+            add(&mut upper[(column - pivots) * pivots + row..], from);
+        }
+    });
+}
+
+/// Adds the rest of it to the update matrix of its parent.
+fn extend_rows<T: Scalar, const B: usize>(
+    child: &Front,
+    from: &[T],
+    [pivots, rows]: [usize; 2],
     update: &mut [T],
 ) {
+    each_run::<T, B>(child, from, |column, row, from| {
+        if column >= pivots && row >= pivots {
+            add(&mut update[(column - pivots) * rows + row - pivots..], from);
+        }
+    });
+}
+
+fn add<T: Scalar>(to: &mut [T], from: &[T]) {
+    to.iter_mut().zip(from).for_each(|(to, &from)| *to += from);
+}
+
+/// Pieces of the columns of the update matrix of a child, with their column and first row in the parent.
+fn each_run<T, const B: usize>(child: &Front, from: &[T], mut visit: impl FnMut(usize, usize, &[T])) {
     let size = B * child.rows.len();
-    let add = |to: &mut [T], from: &[T]| to.iter_mut().zip(from).for_each(|(to, &from)| *to += from);
     for columns in &child.runs {
         for k in 0..B * columns.length as usize {
             let from = &from[(B * columns.first as usize + k) * size..][..size];
             let column = B * columns.target as usize + k;
             for run in &child.runs {
                 let from = &from[B * run.first as usize..][..B * run.length as usize];
-                let row = B * run.target as usize;
-                let to = if column < pivots {
-                    &mut panel[column * (pivots + rows) + row..]
-                } else if row < pivots {
-                    &mut upper[(column - pivots) * pivots + row..]
-                } else {
-                    &mut update[(column - pivots) * rows + row - pivots..]
-                };
-                add(to, from);
+                visit(column, B * run.target as usize, from);
             }
         }
     }
