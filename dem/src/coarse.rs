@@ -50,10 +50,11 @@ pub(crate) struct Coarse<const D: usize> {
     marked: bool,
     /// Problems since the last one that was corrected.
     idle: usize,
-    /// Whether the factors belong to the present impulses, and whether to all columns rather than to the impulses
-    /// alone.
-    fresh: bool,
-    wide: bool,
+    /// Columns for which the matrix has room, and those that it has, of the present impulses; none without a matrix.
+    room: usize,
+    filled: usize,
+    /// Columns that have factors, of the present impulses; none without any.
+    columns: usize,
     /// First contact of each grain, and the contacts.
     starts: Vec<u32>,
     of: Vec<u32>,
@@ -94,6 +95,7 @@ impl<const D: usize> Coarse<D> {
             *uncorrected = Impulses::default();
         }
         self.forget();
+        self.leave();
         self.nodes.lay(contacts, radius);
     }
 
@@ -139,27 +141,37 @@ impl<const D: usize> Coarse<D> {
 
     /// Energy that factors of the impulses would take away: a lower bound of the energy of the velocity error, J. Those
     /// of changes count only in corrections: near the solution they lead out of Coulomb's law and claim what is no
-    /// error.
-    pub fn measure<L: Law>(&mut self, problem: &Problem<D>) -> f64 {
-        self.find::<L, 1>(problem)
+    /// error. Where a correction is to follow, the matrix gets its columns at once.
+    pub fn measure<L: Law>(&mut self, problem: &Problem<D>, before_correction: bool) -> f64 {
+        self.leave();
+        self.assemble::<L>(problem, before_correction && self.changes_known() > 0);
+        self.find(1);
+        0.5 * self.gain()
     }
 
-    /// Finds the factors of F columns, and the energy that they would take away, J.
-    fn find<L: Law, const F: usize>(&mut self, problem: &Problem<D>) -> f64 {
-        if self.nodes.count() == 0 {
-            self.fresh = false;
-            return 0.0;
+    /// Has the matrix of the impulses, and of their changes if `wide`, made where it is not there.
+    fn assemble<L: Law>(&mut self, problem: &Problem<D>, wide: bool) {
+        if self.nodes.count() == 0 || self.room >= if wide { COLUMNS } else { 1 } {
+            return;
         }
-        self.wide = F > 1;
         self.list_contacts(problem);
-        self.assemble::<L, F>(problem);
-        self.fresh = self.solve();
-        if self.fresh { 0.5 * self.gain() } else { 0.0 }
+        if wide {
+            (self.room, self.filled) = (COLUMNS, 1 + self.changes_known());
+            self.sum::<L, COLUMNS>(problem);
+        } else {
+            (self.room, self.filled) = (1, 1);
+            self.sum::<L, 1>(problem);
+        }
     }
 
-    /// Forgets the factors: the impulses change.
+    /// Finds the factors of the first columns of the matrix, if there are any.
+    fn find(&mut self, columns: usize) {
+        self.columns = if self.nodes.count() > 0 && self.solve(columns) { columns } else { 0 };
+    }
+
+    /// Forgets matrix and factors: the impulses change.
     pub fn leave(&mut self) {
-        self.fresh = false;
+        (self.room, self.filled, self.columns) = (0, 0, 0);
     }
 
     /// Corrects the impulses and the velocities, if there are factors; `free` sets those without contacts. Factors are
@@ -171,31 +183,28 @@ impl<const D: usize> Coarse<D> {
         wide: bool,
     ) -> bool {
         self.idle = 0;
-        if wide {
-            if self.known == usize::from(self.marked) {
-                return false;
-            }
-            self.find::<L, COLUMNS>(problem);
-        } else if self.wide || !self.fresh {
-            self.find::<L, 1>(problem);
+        if wide && self.changes_known() == 0 {
+            return false;
         }
-        let corrects = std::mem::take(&mut self.fresh) && self.bound();
+        self.assemble::<L>(problem, wide);
+        let columns = if wide { self.filled } else { 1 };
+        if self.columns != columns {
+            self.find(columns);
+        }
+        let corrects = self.bound();
         if corrects {
             self.apply::<L>(problem);
+            self.leave();
             free(&problem.bodies);
             problem.apply_impulses();
         }
+        self.columns = 0;
         corrects
     }
 
-    /// Columns in use.
-    fn columns(&self) -> usize {
-        if self.wide { 1 + self.known - usize::from(self.marked) } else { 1 }
-    }
-
-    /// Columns for which the blocks have room.
-    fn room(&self) -> usize {
-        if self.wide { COLUMNS } else { 1 }
+    /// Changes that are known.
+    fn changes_known(&self) -> usize {
+        self.known - usize::from(self.marked)
     }
 
     /// Entry of a column at contact `k`.
@@ -213,9 +222,9 @@ impl<const D: usize> Coarse<D> {
         }
     }
 
-    /// Factors of all nodes and columns. Returns whether there are any.
-    fn solve(&mut self) -> bool {
-        let (columns, nodes) = (self.columns(), self.nodes.count());
+    /// Solves for the factors of all nodes in some columns. Returns whether there are any.
+    fn solve(&mut self, columns: usize) -> bool {
+        let nodes = self.nodes.count();
         let (size, width) = (nodes * columns, (self.nodes.reach() + 1) * columns - 1);
         let mut scales = std::mem::take(&mut self.scales);
         let scale = |k: usize| {
@@ -245,7 +254,7 @@ impl<const D: usize> Coarse<D> {
             *diagonal = if *diagonal > 0.0 { 1.0 + DAMPING } else { 1.0 };
         }
         theta.clear();
-        theta.extend((0..size).map(|k| self.known(k) * scale[k]));
+        theta.extend((0..size).map(|k| self.known(k, columns) * scale[k]));
         let solved = crate::band::solve(&mut band, width, &mut theta);
         theta.iter_mut().zip(scale).for_each(|(theta, scale)| *theta *= scale);
         (self.band, self.theta, self.scales) = (band, theta, scales);
@@ -254,13 +263,20 @@ impl<const D: usize> Coarse<D> {
 
     /// Work of the present velocities on the change of the impulses, J.
     fn gain(&self) -> f64 {
-        self.theta.iter().enumerate().map(|(k, theta)| theta * self.known(k)).sum()
+        let columns = self.columns;
+        if columns == 0 {
+            return 0.0;
+        }
+        self.theta.iter().enumerate().map(|(k, theta)| theta * self.known(k, columns)).sum()
     }
 
     /// Keeps the factors within bounds, and takes the best share of what they leave of the step. Returns whether
     /// anything is gained.
     fn bound(&mut self) -> bool {
-        let columns = self.columns();
+        let columns = self.columns;
+        if columns == 0 {
+            return false;
+        }
         for (k, theta) in self.theta.iter_mut().enumerate() {
             *theta = theta.clamp(if k % columns == 0 { SMALLEST } else { -LARGEST }, LARGEST);
         }
@@ -286,7 +302,7 @@ impl<const D: usize> Coarse<D> {
     }
 
     fn apply<L: Law>(&self, problem: &mut Problem<D>) {
-        let (columns, theta) = (self.columns(), &self.theta);
+        let (columns, theta) = (self.columns, &self.theta);
         let mut contacts = std::mem::take(&mut problem.contacts);
         let correct = |(k, c): (usize, &mut Contact<D>)| {
             if !problem.is_corrected(k, c) {

@@ -52,7 +52,8 @@ impl<const D: usize> Coarse<D> {
         }
     }
 
-    pub(super) fn assemble<L: Law, const F: usize>(&mut self, problem: &Problem<D>) {
+    /// Sums the matrix and the right-hand side of the columns in use, with room for F of them.
+    pub(super) fn sum<L: Law, const F: usize>(&mut self, problem: &Problem<D>) {
         let (nodes, blocks) = (self.nodes.count(), offsets(D) * F * F);
         let mut chunks = std::mem::take(&mut self.chunks);
         let count = if problem.contacts.len() > 2 * FORK { CHUNKS } else { 1 };
@@ -86,7 +87,7 @@ impl<const D: usize> Coarse<D> {
 
     /// The right-hand side that a contact gives.
     fn know<L: Law, const F: usize>(&self, problem: &Problem<D>, k: usize, known: &mut [f64]) {
-        let (columns, c) = (self.columns(), &problem.contacts[k]);
+        let (columns, c) = (self.filled, &problem.contacts[k]);
         if !problem.is_corrected(k, c) {
             return;
         }
@@ -115,7 +116,7 @@ impl<const D: usize> Coarse<D> {
         slot: usize,
         pushes: &mut [[Push<D>; F]],
     ) -> [usize; D] {
-        let columns = self.columns();
+        let columns = self.filled;
         let base = self.nodes.cell(&problem.position[slot].add_scalar(-2.0 * problem.radius[slot]));
         pushes.fill([(Vector::zeros(), 0.0); F]);
         for &k in &self.of[self.starts[slot] as usize..self.starts[slot + 1] as usize] {
@@ -156,7 +157,7 @@ impl<const D: usize> Coarse<D> {
         pushes: &[[Push<D>; F]],
         matrix: &mut [f64],
     ) {
-        let (columns, bodies) = (self.columns(), &problem.bodies);
+        let (columns, bodies) = (self.filled, &problem.bodies);
         let (mobility, spin) =
             (bodies.mobility(slot), if bodies.spins() { bodies.spin_mobility(slot) } else { 0.0 });
         let zero = |node: &[Push<D>; F]| node.iter().all(|(p, m)| *m == 0.0 && p.iter().all(|x| *x == 0.0));
@@ -187,13 +188,12 @@ impl<const D: usize> Coarse<D> {
     /// Entry of the matrix: column f of a node with column g of that at an offset.
     #[inline(always)]
     pub(super) fn entry(&self, node: usize, offset: usize, f: usize, g: usize) -> f64 {
-        let room = self.room();
+        let room = self.room;
         self.chunks[0].matrix[((node * offsets(D) + offset) * room + f) * room + g]
     }
 
-    /// Right-hand side of an unknown.
-    pub(super) fn known(&self, k: usize) -> f64 {
-        let columns = self.columns();
-        self.chunks[0].known[k / columns * self.room() + k % columns]
+    /// Right-hand side of an unknown, where so many columns have one at each node.
+    pub(super) fn known(&self, k: usize, columns: usize) -> f64 {
+        self.chunks[0].known[k / columns * self.room + k % columns]
     }
 }

@@ -39,6 +39,8 @@ use std::time::Instant;
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Measure {
     Always,
+    /// The same, and a correction is to follow.
+    BeforeCorrection,
     /// If the rest of the error is small enough for the problem to be solved, or to be settled.
     IfSolved,
     IfSettled,
@@ -123,6 +125,7 @@ impl<const D: usize> Problem<D> {
             self.run::<L>(outcome.sweeps..outcome.sweeps + count, strong, column, &mut pace);
             let last = outcome.sweeps + count == stopping.max_sweeps;
             let measure = match due || corrections.made || last {
+                true if due && !last => Measure::BeforeCorrection,
                 true => Measure::Always,
                 // Grains at rest are not solved by their warm start, and not far from it: eight sweeps cost less.
                 false if run == 0 => Measure::IfSettled,
@@ -302,13 +305,13 @@ impl<const D: usize> Problem<D> {
         let rest = moving <= SOLVED.few_move;
         let measured = match measure {
             _ if rest => false,
-            Measure::Always => true,
+            Measure::Always | Measure::BeforeCorrection => true,
             Measure::IfSolved => seen <= enough && most > settled,
             Measure::IfSettled => look.rough <= settled && most > settled,
         };
         if measured {
             let mut coarse = std::mem::take(&mut self.coarse);
-            smooth = SOLVED.unseen * coarse.measure::<L>(self);
+            smooth = SOLVED.unseen * coarse.measure::<L>(self, measure == Measure::BeforeCorrection);
             self.coarse = coarse;
             work += SCHEDULE.measure * self.contacts.len();
         }
