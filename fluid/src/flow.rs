@@ -433,7 +433,10 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let over_mesh = |u: &[Vector<D>]| std::array::from_fn(|a| u[node[a]] - moving[a]);
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
-            let immersed = points.and_then(|points| CellExchange::gather(points, sorted, k));
+            let density = points.map(|_| node.map(|n| density[n]));
+            let immersed = points
+                .zip(density.as_ref())
+                .and_then(|(points, density)| CellExchange::gather(points, sorted, k, density));
             let mut lightness = [1.0; B];
             for (Equation { scalar, .. }, value) in scalars.iter().zip(values) {
                 for (light, n) in lightness.iter_mut().zip(node) {
@@ -456,7 +459,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
                 weight: weigh(&lightness),
                 pushed,
                 exchange: immersed.as_ref(),
-                density: points.map(|_| node.map(|n| density[n])),
+                density,
                 source: sources.map(|s| (node.map(|n| s.momentum[n]), node.map(|n| s.mass[n]))),
                 mass,
                 load,

@@ -122,7 +122,7 @@ pub struct CellExchange<const D: usize, const B: usize> {
     pub carried: [f64; B],
     /// sum V^2 a, a of the equation of mass.
     pub diffusion: f64,
-    /// sum gamma b phi_a.
+    /// sum gamma (b + w_a - w) phi_a, w the velocity of the solid as a field.
     pub force: [Vector<D>; B],
     /// sum V b, b of the equation of mass.
     pub volume_flux: Vector<D>,
@@ -131,8 +131,13 @@ pub struct CellExchange<const D: usize, const B: usize> {
 }
 
 impl<const D: usize, const B: usize> CellExchange<D, B> {
-    /// The sums of one cell; `None` if no point is there.
-    pub fn gather(points: &Points<D>, sorted: &PointsByCell, cell: usize) -> Option<Self> {
+    /// The sums of one cell with these fields at its nodes; `None` if no point is there.
+    pub fn gather(
+        points: &Points<D>,
+        sorted: &PointsByCell,
+        cell: usize,
+        nodes: &[PointDensity<D>; B],
+    ) -> Option<Self> {
         let mut inside = sorted.of(cell).peekable();
         inside.peek()?;
         let mut sum = Self {
@@ -144,8 +149,10 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
             volume_flux: Vector::zeros(),
             solid: [[0.0; B]; B],
         };
+        let moving = nodes.map(|node| node.velocity());
         for q in inside {
             let phi = points.shape::<B>(q);
+            let mean: Vector<D> = (0..B).map(|a| moving[a] * phi[a]).sum();
             let (volume, gamma, mobility) = (points.volume[q], points.drag[q], points.mobility[q]);
             let carried = volume * points.flux_mobility[q];
             let left = 1.0 - mobility * gamma;
@@ -155,7 +162,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
                 sum.drag[a][a] += gamma * phi[a];
                 sum.pressure[a] -= volume * left * phi[a];
                 sum.carried[a] += carried * gamma * phi[a];
-                sum.force[a] += points.velocity[q] * (gamma * phi[a]);
+                sum.force[a] += (points.velocity[q] + moving[a] - mean) * (gamma * phi[a]);
                 for b in 0..B {
                     sum.drag[a][b] -= gamma * mobility * gamma * phi[a] * phi[b];
                     sum.solid[a][b] += volume * phi[a] * phi[b];
@@ -178,7 +185,7 @@ pub struct PointDensity<const D: usize> {
     pub drag: f64,
     /// gamma (1 - a gamma): the drag that the law leaves, kg/m3/s.
     pub left_drag: f64,
-    /// gamma b, N/m3.
+    /// gamma (b + w_a - w), w the velocity of the solid as a field, N/m3.
     pub force: Vector<D>,
     /// Solid flux phi v* with the law of the equation of mass at the last accepted state (A.15), m/s.
     pub flux: Vector<D>,
@@ -220,7 +227,23 @@ impl<const D: usize> PointDensity<D> {
                 sum.flux += flux * share;
             }
         }
+        for q in 0..points.len() {
+            let phi = points.shape::<B>(q);
+            let nodes =
+                geometry.nodes(points.cell[q] as usize).map(|node| periodic.master(node as u32) as usize);
+            let moving = nodes.map(|node| fields[node].velocity());
+            let mean: Vector<D> = (0..B).map(|a| moving[a] * phi[a]).sum();
+            for (a, master) in nodes.into_iter().enumerate() {
+                let share = points.drag[q] * phi[a] / geometry.nodal_volume[master];
+                fields[master].force += (moving[a] - mean) * share;
+            }
+        }
         periodic.mirror(fields);
+    }
+
+    /// Velocity w_a of the solid, m/s.
+    pub fn velocity(&self) -> Vector<D> {
+        if self.volume > 0.0 { self.flux / self.volume } else { Vector::zeros() }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Held points in a steady flow, in the plane and in space.
+//! Many points in a flow: held in a steady one, in the plane and in space, and carried along by one.
 
 use crate::Vector;
 use crate::boundary::Facet;
@@ -122,4 +122,73 @@ fn does_not_depend_on_the_step<const D: usize, const B: usize>(per_side: usize) 
 fn the_pressure_drop_of_a_bed_does_not_depend_on_the_step() {
     does_not_depend_on_the_step::<2, 3>(24);
     does_not_depend_on_the_step::<3, 4>(8);
+}
+
+/// Rate at which a vortex in a suspension of free grains dies out, over that of its fluid in a suspension.
+fn decay<const D: usize, const B: usize>(per_side: usize, drag: f64, dt: f64) -> f64 {
+    let mesh = unit_box::<D>(per_side);
+    let nodes = mesh.points.len();
+    let mut points = held(&mesh, 12 * nodes);
+    points.drag.iter_mut().for_each(|gamma| *gamma *= drag / DRAG);
+    let condition =
+        |name: &str| Condition { boundary: name.into(), flow: FlowCondition::Slip, scalars: vec![] };
+    let conditions = ["floor", "top", "sides"].map(condition);
+    let properties = Properties {
+        density: 1e3,
+        viscosity: 1.0,
+        gravity: Vector::zeros(),
+        body_force: Vector::zeros(),
+        thin_cell_drag: 0.0,
+    };
+    let pi = std::f64::consts::PI;
+    let vortex = |x: &Vector<D>| {
+        let mut u = Vector::<D>::zeros();
+        u[0] = 1e-3 * (pi * x[0]).sin() * (pi * x[D - 1]).cos();
+        u[D - 1] = -1e-3 * (pi * x[0]).cos() * (pi * x[D - 1]).sin();
+        u
+    };
+    let start: Vec<Vector<D>> = mesh.points.iter().map(vortex).collect();
+    let state = State { velocity: start.clone(), pressure: vec![0.0; nodes], scalars: vec![] };
+    let mut flow =
+        Flow::<D, B>::new(mesh.clone(), properties, &[], &conditions, state, &Numerics::default()).unwrap();
+    let at = |points: &Points<D>, q: usize, u: &[Vector<D>]| {
+        let (phi, cell) = (points.shape::<B>(q), mesh.cell(points.cell[q] as usize));
+        cell.iter().zip(phi).map(|(node, phi)| u[*node as usize] * phi).sum::<Vector<D>>()
+    };
+    let mut v: Vec<Vector<D>> = (0..points.len()).map(|q| at(&points, q, &start)).collect();
+    let size = |u: &[Vector<D>]| u.iter().zip(&start).map(|(u, v)| u.dot(v)).sum::<f64>();
+    let mut sizes = vec![size(&start)];
+    let steps = 12;
+    for _ in 0..steps {
+        for q in 0..points.len() {
+            let inertia = 1e3 * points.volume[q] / dt;
+            points.mobility[q] = 1.0 / (inertia + points.drag[q]);
+            points.velocity[q] = v[q] * (points.mobility[q] * inertia);
+        }
+        points.flux_mobility.clone_from(&points.mobility);
+        points.flux_velocity.clone_from(&points.velocity);
+        flow.solve(dt, &vec![VOIDAGE; nodes], Some(&points), &conditions).unwrap();
+        flow.accept();
+        let state = flow.state();
+        for q in 0..points.len() {
+            let slope: Vector<D> = mesh.gradient(points.cell[q] as usize, |node| state.pressure[node]);
+            let forcing = at(&points, q, &state.velocity) * points.drag[q] - slope * points.volume[q];
+            v[q] = points.velocity[q] + forcing * points.mobility[q];
+        }
+        sizes.push(size(&state.velocity));
+    }
+    // Implicit steps: a factor 1 / (1 + rate dt) each.
+    let factor = (sizes[steps] / sizes[2]).powf(1.0 / (steps - 2) as f64);
+    (1.0 / factor - 1.0) / dt / (2.0 * pi * pi * VOIDAGE * 1e-3)
+}
+
+/// The drag of grains was summed on the nodes with no regard to how the solid moves there: a dense suspension was hundreds
+/// of times as viscous as its liquid, by its drag times h^2/8.
+#[test]
+fn grains_that_go_with_a_fluid_do_not_make_it_more_viscous() {
+    // With drags of 1e4 and 1e6 kg/m3/s it would be 6 and 460 times as viscous.
+    for (drag, most) in [(1e2, 0.1), (1e4, 0.2), (1e6, 0.6)] {
+        let rate = decay::<2, 3>(24, drag, 10.0);
+        assert!((rate - 1.0).abs() < most, "{drag:e}: {rate}");
+    }
 }

@@ -48,17 +48,22 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
         rng.standard_normal(box.points.shape),
         rng.standard_normal(len(box.points)),
     )
-    matrix, rhs = sums.flow(xi, xi_U, box.density, weight)
+    old = Fields(rng.standard_normal(box.points.shape), rng.standard_normal(len(box.points)))
+    solid_flux = sums.solid_flux(old)
+    matrix, rhs = sums.flow(xi, xi_U, box.density, weight, solid_flux)
     unknown = np.column_stack((fields.velocity, fields.pressure)).ravel()
     tested = np.column_stack((v, q)).ravel() @ (matrix @ unknown - rhs)
 
-    expected, forces = 0.0, nodal_forces(mesh, points)
+    volume = nodal_forces(mesh, points, np.zeros_like(solid_flux))[0][:, None]
+    solid = solid_flux / np.where(volume > 0, volume, 1)
+    expected, forces = 0.0, nodal_forces(mesh, points, solid)
     for i, phi, _, around, gradient, _, slope, _ in each_point(mesh, points, fields):
         gamma, V = points.drag[i], points.volume[i]
         u = phi @ fields.velocity[around]
         of_flux = points.flux_velocity[i] + points.flux_mobility[i] * (gamma * u - V * slope)
-        # Drag with the velocities of the nodes, all else at the point, the law too.
-        drag = gamma * (phi @ (fields.velocity[around] * v[around]).sum(axis=1))
+        # Drag with the velocities of the nodes over that of the solid there, all else at the point, the law too.
+        moving = solid[around] - phi @ solid[around]
+        drag = gamma * (phi @ ((fields.velocity[around] - moving) * v[around]).sum(axis=1))
         law = points.velocity[i] + points.mobility[i] * (gamma * u - V * slope)
         force = V * slope + gamma * law - V * (phi @ weight[around])
         expected += drag - force @ (phi @ v[around]) - V * of_flux @ (q[around] @ gradient)
@@ -72,9 +77,9 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
     assert tested == pytest.approx(expected, rel=1e-12)
 
 
-def nodal_forces(mesh, points):
+def nodal_forces(mesh, points, solid):
     """Sums over the points with phi_a over int phi_a: of V, of V and gamma that the law leaves, of
-    gamma b."""
+    gamma (b + V_a - V), V the velocity of the solid as a field."""
     count = len(mesh.nodal_volume)
     scalars, force = np.zeros((3, count)), np.zeros((count, points.velocity.shape[1]))
     for i, (cell, phi) in enumerate(zip(points.cell, points.shape, strict=True)):
@@ -83,7 +88,8 @@ def nodal_forces(mesh, points):
         for node, share in zip(mesh.nodes[cell], phi, strict=True):
             share = share / mesh.nodal_volume[node]
             scalars[:, node] += share * V, share * V * left, share * gamma * left
-            force[node] += share * gamma * points.velocity[i]
+            moving = solid[node] - phi @ solid[mesh.nodes[cell]]
+            force[node] += share * gamma * (points.velocity[i] + moving)
     return *scalars, force
 
 
@@ -128,7 +134,8 @@ def test_what_the_fluid_loses_the_points_gain(case):
     box, mesh, points, sums, fields = case
     # Tests that are one everywhere leave the sum over all points.
     still = np.zeros(len(box.cells)), np.zeros((len(box.cells), box.dimension))
-    matrix, rhs = sums.flow(*still, box.density, np.zeros_like(box.points))
+    solid_flux = sums.solid_flux(fields)
+    matrix, rhs = sums.flow(*still, box.density, np.zeros_like(box.points), solid_flux)
     unknown = np.column_stack((fields.velocity, fields.pressure))
     lost = (matrix @ unknown.ravel() - rhs).reshape(unknown.shape)[:, :-1].sum(axis=0)
     gained = []
@@ -147,7 +154,7 @@ def test_a_scalar_that_is_not_exchanged_and_no_points(case, rng):
     assert matrix.nnz == 0 and not rhs.any()
     box = dataclasses.replace(box, scalars=(Scalar("tracer", 1.0, 0.1),))
     none = PointSums(mesh, complete(box, Step(0.1, (), np.ones(len(box.points)))).points)
-    flow = none.flow(xi, xi_U, box.density, fields.velocity)
+    flow = none.flow(xi, xi_U, box.density, fields.velocity, np.zeros_like(box.points))
     for matrix, rhs in (flow, none.scalar(0, xi_U, lumped=True)):
         assert matrix.shape == 2 * rhs.shape and matrix.nnz == 0 and not rhs.any()
     np.testing.assert_array_equal(none.solid_flux(fields), np.zeros_like(box.points))

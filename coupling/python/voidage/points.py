@@ -77,12 +77,21 @@ class PointSums(Places):
         exchange = np.bincount(self.points.cell, columns.coefficient, len(mesh.measure))
         return exchange / (capacity * mesh.measure * mesh.mean(voidage))
 
-    def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats) -> Terms:
+    def _slip(self, solid_flux: Floats) -> Floats:
+        """Drag at the nodes, (n, D), by which the solid moves there otherwise than at the points: the sum of
+        gamma phi_a (V_a - V), V the velocity of the solid as a field."""
+        p, rows = self.points, self.rows(self.shape)
+        volume = self._density(p.volume)[:, None]
+        V = np.divide(solid_flux, volume, out=np.zeros_like(solid_flux), where=volume > 0)
+        return (rows.T @ p.drag)[:, None] * V - rows.T @ (p.drag[:, None] * self.at(V))
+
+    def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats, solid_flux: Floats) -> Terms:
         """Terms of the points in momentum and mass, their stabilisation included.
 
         -<f_p, v> - <phi v*, grad q>, and the weight of the fluid that the points displace, <phi w, v>;
         ``weight`` are the nodal values of w = rho g (1 - sum beta (s - s_R)), (n, D). The drag
-        gamma u is summed on the diagonal, but v* has u at the point. The tests
+        gamma (u - V) is summed on the diagonal, with the velocity V of the solid by its flux at the last
+        accepted fields, and gamma (V - v*) acts at the points, where v* has u. The tests
         xi (U . grad) v + (xi / rho) grad q weigh the same forces as nodal fields. The fluid's own
         weight is then that of a cell without points: with the voidage made of the points, as in
         V grad p, a fluid at rest between held points solves the discrete equations.
@@ -104,10 +113,13 @@ class PointSums(Places):
             matrix -= test.T @ sp.diags(left) @ volume @ slope
             matrix -= slope.T @ volume @ sp.diags(p.flux_mobility) @ (drag @ test - volume @ slope)
             rhs += test.T @ force[:, i] + slope.T @ flux[:, i]
+        slip = self._slip(solid_flux)
+        rhs.reshape(-1, D + 1)[:, :D] += slip
         # The forces as fields: K u - M grad p on the left, F - Phi w on the right.
         nodal = (self._density(values) for values in (left * p.drag, left * p.volume, p.volume, given))
         left_drag, left_volume, solid, force = nodal
-        force -= solid[:, None] * weight
+        volume = np.where(self.mesh.nodal_volume > 0, self.mesh.nodal_volume, 1)
+        force += slip / volume[:, None] - solid[:, None] * weight
         mesh, nodes, share = self.mesh, self.mesh.masters, self.mesh.measure / (D + 1)
         cells, along = self._cells(xi_U)
         for i in range(D):

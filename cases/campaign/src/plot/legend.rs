@@ -17,7 +17,10 @@ pub(super) fn beside(panel: &Panel) -> u32 {
 }
 
 /// Draws the legend of the curves of a chart.
-pub(super) fn names(chart: &mut Chart, position: SeriesLabelPosition) -> std::result::Result<(), Box<dyn std::error::Error>> {
+pub(super) fn names(
+    chart: &mut Chart,
+    position: SeriesLabelPosition,
+) -> std::result::Result<(), Box<dyn std::error::Error>> {
     chart
         .configure_series_labels()
         .position(position)

@@ -275,7 +275,8 @@ fn draw(panel: &Panel, area: &Area) -> std::result::Result<(), Box<dyn std::erro
     }
     if aside > 0 {
         let axis = || Axis { range: (0.0..1.0).into(), ticks: Vec::new() };
-        let mut empty = ChartBuilder::on(&legend).margin_top(pixels(40)).build_cartesian_2d(axis(), axis())?;
+        let mut empty =
+            ChartBuilder::on(&legend).margin_top(pixels(40)).build_cartesian_2d(axis(), axis())?;
         for (curve, look) in panel.curves.iter().zip(looks(&panel.curves)) {
             stroke(&mut empty, curve, &[], look)?;
         }
