@@ -152,7 +152,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
         let moving = nodes.map(|node| node.velocity());
         for q in inside {
             let phi = points.shape::<B>(q);
-            let mean: Vector<D> = (0..B).map(|a| moving[a] * phi[a]).sum();
+            let apart = apart(&moving, &phi);
             let (volume, gamma, mobility) = (points.volume[q], points.drag[q], points.mobility[q]);
             let carried = volume * points.flux_mobility[q];
             let left = 1.0 - mobility * gamma;
@@ -162,7 +162,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
                 sum.drag[a][a] += gamma * phi[a];
                 sum.pressure[a] -= volume * left * phi[a];
                 sum.carried[a] += carried * gamma * phi[a];
-                sum.force[a] += (points.velocity[q] + moving[a] - mean) * (gamma * phi[a]);
+                sum.force[a] += (points.velocity[q] + apart[a]) * (gamma * phi[a]);
                 for b in 0..B {
                     sum.drag[a][b] -= gamma * mobility * gamma * phi[a] * phi[b];
                     sum.solid[a][b] += volume * phi[a] * phi[b];
@@ -231,11 +231,9 @@ impl<const D: usize> PointDensity<D> {
             let phi = points.shape::<B>(q);
             let nodes =
                 geometry.nodes(points.cell[q] as usize).map(|node| periodic.master(node as u32) as usize);
-            let moving = nodes.map(|node| fields[node].velocity());
-            let mean: Vector<D> = (0..B).map(|a| moving[a] * phi[a]).sum();
+            let apart = apart(&nodes.map(|node| fields[node].velocity()), &phi);
             for (a, master) in nodes.into_iter().enumerate() {
-                let share = points.drag[q] * phi[a] / geometry.nodal_volume[master];
-                fields[master].force += (moving[a] - mean) * share;
+                fields[master].force += apart[a] * (points.drag[q] * phi[a] / geometry.nodal_volume[master]);
             }
         }
         periodic.mirror(fields);
@@ -245,6 +243,12 @@ impl<const D: usize> PointDensity<D> {
     pub fn velocity(&self) -> Vector<D> {
         if self.volume > 0.0 { self.flux / self.volume } else { Vector::zeros() }
     }
+}
+
+/// Velocities w_a at the nodes of a cell less w at a point in it, by the shape functions there.
+fn apart<const D: usize, const B: usize>(w: &[Vector<D>; B], phi: &[f64; B]) -> [Vector<D>; B] {
+    let at: Vector<D> = w.iter().zip(phi).map(|(w, phi)| w * *phi).sum();
+    w.map(|w| w - at)
 }
 
 #[cfg(test)]

@@ -3,8 +3,7 @@
 use crate::Vector;
 use crate::boundary::Facet;
 use crate::conditions::{Condition, FlowCondition, Prescribed};
-use crate::flow::Numerics;
-use crate::flow::{Flow, State};
+use crate::flow::{Flow, Numerics, State};
 use crate::forms::Properties;
 use crate::linear::sample::Grid;
 use crate::mesh::{Boundary, Mesh};
