@@ -433,10 +433,11 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let over_mesh = |u: &[Vector<D>]| std::array::from_fn(|a| u[node[a]] - moving[a]);
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
+            let places = node.map(|n| geometry.mesh.points[n]);
             let density = points.map(|_| node.map(|n| density[n]));
             let immersed = points
                 .zip(density.as_ref())
-                .and_then(|(points, density)| CellExchange::gather(points, sorted, k, density));
+                .and_then(|(points, density)| CellExchange::gather(points, sorted, k, &places, density));
             let mut lightness = [1.0; B];
             for (Equation { scalar, .. }, value) in scalars.iter().zip(values) {
                 for (light, n) in lightness.iter_mut().zip(node) {

@@ -49,21 +49,18 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
         rng.standard_normal(len(box.points)),
     )
     old = Fields(rng.standard_normal(box.points.shape), rng.standard_normal(len(box.points)))
-    solid_flux = sums.solid_flux(old)
-    matrix, rhs = sums.flow(xi, xi_U, box.density, weight, solid_flux)
+    matrix, rhs = sums.flow(xi, xi_U, box.density, weight, old.velocity)
     unknown = np.column_stack((fields.velocity, fields.pressure)).ravel()
     tested = np.column_stack((v, q)).ravel() @ (matrix @ unknown - rhs)
 
-    volume = nodal_forces(mesh, points, np.zeros_like(solid_flux))[0][:, None]
-    solid = solid_flux / np.where(volume > 0, volume, 1)
-    expected, forces = 0.0, nodal_forces(mesh, points, solid)
+    apart = within_cells(mesh, points, old.velocity)
+    expected, forces = 0.0, nodal_forces(mesh, points, apart)
     for i, phi, _, around, gradient, _, slope, _ in each_point(mesh, points, fields):
         gamma, V = points.drag[i], points.volume[i]
         u = phi @ fields.velocity[around]
         of_flux = points.flux_velocity[i] + points.flux_mobility[i] * (gamma * u - V * slope)
-        # Drag with the velocities of the nodes over that of the solid there, all else at the point, the law too.
-        moving = solid[around] - phi @ solid[around]
-        drag = gamma * (phi @ ((fields.velocity[around] - moving) * v[around]).sum(axis=1))
+        # Drag with the velocities of the nodes less a smooth shear, all else at the point, the law too.
+        drag = gamma * (phi @ ((fields.velocity[around] - apart[i]) * v[around]).sum(axis=1))
         law = points.velocity[i] + points.mobility[i] * (gamma * u - V * slope)
         force = V * slope + gamma * law - V * (phi @ weight[around])
         expected += drag - force @ (phi @ v[around]) - V * of_flux @ (q[around] @ gradient)
@@ -77,18 +74,38 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
     assert tested == pytest.approx(expected, rel=1e-12)
 
 
-def nodal_forces(mesh, points, solid):
+def within_cells(mesh, points, velocity):
+    """H (x_a - x_q) at the nodes of the cell of each point, H the smooth velocity gradient at the point."""
+    H = [velocity[mesh.nodes[cell]].T @ mesh.gradient[cell] for cell in points.cell]
+    smooth = np.zeros_like(H)
+    for sign in (2, -1):
+        total, weight = np.zeros((len(velocity), *H[0].shape)), np.zeros(len(velocity))
+        for cell, phi, gamma, value in zip(points.cell, points.shape, points.drag, H, strict=True):
+            for node, share in zip(mesh.nodes[cell], phi, strict=True):
+                total[node] += gamma * share * value
+                weight[node] += gamma * share
+        mean = total / np.where(weight > 0, weight, 1)[:, None, None]
+        each = zip(points.cell, points.shape, strict=True)
+        H = [np.einsum("a,aij->ij", phi, mean[mesh.nodes[cell]]) for cell, phi in each]
+        smooth += sign * np.array(H)
+    apart = []
+    for cell, phi, H in zip(points.cell, points.shape, smooth, strict=True):
+        places = mesh.places[cell]
+        apart.append([H @ (place - phi @ places) for place in places])
+    return np.array(apart)
+
+
+def nodal_forces(mesh, points, apart):
     """Sums over the points with phi_a over int phi_a: of V, of V and gamma that the law leaves, of
-    gamma (b + V_a - V), V the velocity of the solid as a field."""
+    gamma (b + H (x_a - x_q))."""
     count = len(mesh.nodal_volume)
     scalars, force = np.zeros((3, count)), np.zeros((count, points.velocity.shape[1]))
     for i, (cell, phi) in enumerate(zip(points.cell, points.shape, strict=True)):
         gamma, V = points.drag[i], points.volume[i]
         left = 1 - points.mobility[i] * gamma
-        for node, share in zip(mesh.nodes[cell], phi, strict=True):
+        for node, share, moving in zip(mesh.nodes[cell], phi, apart[i], strict=True):
             share = share / mesh.nodal_volume[node]
             scalars[:, node] += share * V, share * V * left, share * gamma * left
-            moving = solid[node] - phi @ solid[mesh.nodes[cell]]
             force[node] += share * gamma * (points.velocity[i] + moving)
     return *scalars, force
 
@@ -134,8 +151,7 @@ def test_what_the_fluid_loses_the_points_gain(case):
     box, mesh, points, sums, fields = case
     # Tests that are one everywhere leave the sum over all points.
     still = np.zeros(len(box.cells)), np.zeros((len(box.cells), box.dimension))
-    solid_flux = sums.solid_flux(fields)
-    matrix, rhs = sums.flow(*still, box.density, np.zeros_like(box.points), solid_flux)
+    matrix, rhs = sums.flow(*still, box.density, np.zeros_like(box.points), fields.velocity)
     unknown = np.column_stack((fields.velocity, fields.pressure))
     lost = (matrix @ unknown.ravel() - rhs).reshape(unknown.shape)[:, :-1].sum(axis=0)
     gained = []

@@ -21,6 +21,8 @@ class Cells:
         content = np.linalg.det(edges)
         self.nodes = cells
         """(m, B)."""
+        self.places = points[cells]
+        """Those of the nodes, (m, B, D)."""
         self.measure = content / math.factorial(dimension)
         """Area or volume, (m)."""
         self.gradient = np.concatenate((-inverse.sum(axis=1, keepdims=True), inverse), axis=1)

@@ -77,21 +77,34 @@ class PointSums(Places):
         exchange = np.bincount(self.points.cell, columns.coefficient, len(mesh.measure))
         return exchange / (capacity * mesh.measure * mesh.mean(voidage))
 
-    def _slip(self, solid_flux: Floats) -> Floats:
-        """Drag at the nodes, (n, D), by which the solid moves there otherwise than at the points: the sum of
-        gamma phi_a (V_a - V), V the velocity of the solid as a field."""
-        p, rows = self.points, self.rows(self.shape)
-        volume = self._density(p.volume)[:, None]
-        V = np.divide(solid_flux, volume, out=np.zeros_like(solid_flux), where=volume > 0)
-        return (rows.T @ p.drag)[:, None] * V - rows.T @ (p.drag[:, None] * self.at(V))
+    def _mean_by_drag(self, values: Floats) -> Floats:
+        """Means of values at the points, (q, ..), around each node, (n, ..), weighted by gamma phi_a; zero
+        where there is no drag."""
+        drag = self._density(self.points.drag)[:, None]
+        total = self._density(self.points.drag[:, None] * values.reshape(len(values), -1))
+        mean = np.divide(total, drag, out=np.zeros_like(total), where=drag > 0)
+        return mean.reshape(len(mean), *values.shape[1:])
 
-    def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats, solid_flux: Floats) -> Terms:
+    def _apart(self, velocity: Floats) -> Floats:
+        """Drag by which the nodes of cells with a sheared flow would be pulled together, (n, D): the sum
+        of gamma phi_a H (x_a - x_q), with H the smooth gradient of the given velocity: twice its mean
+        around each node less the mean of the mean."""
+        shape, drag = self.shape[:, :, None], self.points.drag[:, None, None]
+        mean = self._mean_by_drag(np.einsum("qai,qaj->qij", velocity[self.nodes], self.gradient))
+        H = self.at(2 * mean - self._mean_by_drag(self.at(mean)))
+        places = self.mesh.places[self.points.cell]
+        away = places - (shape * places).sum(axis=1, keepdims=True)
+        force = drag * shape * np.einsum("qij,qaj->qai", H, away)
+        sums = [np.bincount(self.nodes.ravel(), each.ravel(), self.count) for each in np.moveaxis(force, 2, 0)]
+        return np.stack(sums, axis=1)
+
+    def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats, velocity: Floats) -> Terms:
         """Terms of the points in momentum and mass, their stabilisation included.
 
         -<f_p, v> - <phi v*, grad q>, and the weight of the fluid that the points displace, <phi w, v>;
         ``weight`` are the nodal values of w = rho g (1 - sum beta (s - s_R)), (n, D). The drag
-        gamma (u - V) is summed on the diagonal, with the velocity V of the solid by its flux at the last
-        accepted fields, and gamma (V - v*) acts at the points, where v* has u. The tests
+        gamma u is summed on the diagonal, less what this does to a smooth shear by the last accepted
+        ``velocity``; v* has u at the points. The tests
         xi (U . grad) v + (xi / rho) grad q weigh the same forces as nodal fields. The fluid's own
         weight is then that of a cell without points: with the voidage made of the points, as in
         V grad p, a fluid at rest between held points solves the discrete equations.
@@ -113,13 +126,13 @@ class PointSums(Places):
             matrix -= test.T @ sp.diags(left) @ volume @ slope
             matrix -= slope.T @ volume @ sp.diags(p.flux_mobility) @ (drag @ test - volume @ slope)
             rhs += test.T @ force[:, i] + slope.T @ flux[:, i]
-        slip = self._slip(solid_flux)
-        rhs.reshape(-1, D + 1)[:, :D] += slip
+        apart = self._apart(velocity)
+        rhs.reshape(-1, D + 1)[:, :D] += apart
         # The forces as fields: K u - M grad p on the left, F - Phi w on the right.
         nodal = (self._density(values) for values in (left * p.drag, left * p.volume, p.volume, given))
         left_drag, left_volume, solid, force = nodal
         volume = np.where(self.mesh.nodal_volume > 0, self.mesh.nodal_volume, 1)
-        force += slip / volume[:, None] - solid[:, None] * weight
+        force += apart / volume[:, None] - solid[:, None] * weight
         mesh, nodes, share = self.mesh, self.mesh.masters, self.mesh.measure / (D + 1)
         cells, along = self._cells(xi_U)
         for i in range(D):
