@@ -177,8 +177,8 @@ fn signals_of_batch_systems_end_a_run_with_all_it_has() {
     }
 }
 
-/// At a limit of the size of files the system killed a run; output to a full disk was a panic; a hundred thousand threads
-/// never ended.
+/// At a limit of the size of files the system killed a run; one of virtual memory ended it for gigabytes that it did not
+/// use; output to a full disk was a panic; a hundred thousand threads never ended.
 #[test]
 fn limits_of_the_system_are_errors() {
     let folder = folder(BED);
@@ -191,6 +191,8 @@ fn limits_of_the_system_are_errors() {
     };
     let (code, said) = shell("ulimit -f 40; voidage run scene.toml --out small --threads 1");
     assert!(code == Some(1) && said.contains("File too large"), "{code:?} {said}");
+    let (code, said) = shell("ulimit -v 700000; voidage run scene.toml --out little --set time.end=1e-3");
+    assert!(code == Some(0), "{code:?} {said}");
     let (code, said) = shell("voidage check scene.toml > /dev/full");
     assert!(code == Some(1) && said.starts_with("error: cannot write the output"), "{code:?} {said}");
     let (code, said) = shell("voidage run scene.toml --out none --threads 100000");

@@ -3,18 +3,16 @@
 //! Everything runs in one thread with a fixed order of operations, except for products that are
 //! cut into tiles of fixed size: so no result depends on the number of threads.
 
-use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
+use super::product::{Product, multiply, solve_unit_lower};
 use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, MatMut, MatRef, Par};
+use faer::{Accum, MatMut, MatRef};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// Single or double precision.
 pub(crate) trait Scalar:
-    faer::traits::ComplexField
-    + Copy
+    Product
     + Default
     + PartialOrd
     + Send
@@ -101,8 +99,8 @@ pub(crate) fn factor_panel<T: Scalar>(panel: &mut [T], rows: usize, pivots: usiz
         let (mut upper, lower) = right.split_at_row_mut(last - first);
         let (_, left) = left.split_at_row(first);
         let (diagonal, left) = left.split_at_row(last - first);
-        solve_unit_lower_triangular_in_place(diagonal, upper.rb_mut(), Par::Seq);
-        matmul(lower, Accum::Add, left, upper.rb(), -T::ONE, Par::Seq);
+        solve_unit_lower(diagonal, upper.rb_mut());
+        multiply(lower, Accum::Add, left, upper.rb());
     }
 }
 
@@ -186,11 +184,7 @@ pub(crate) fn solve_upper_rows<T: Scalar>(
             }
         }
         let columns = upper.len() / pivots;
-        solve_unit_lower_triangular_in_place(
-            lower,
-            MatMut::from_column_major_slice_mut(upper, pivots, columns),
-            Par::Seq,
-        );
+        solve_unit_lower(lower, MatMut::from_column_major_slice_mut(upper, pivots, columns));
     };
     if pivots * pivots * columns > TILE_ABOVE {
         upper.par_chunks_mut(pivots * TILE).for_each(solve);
@@ -211,13 +205,11 @@ pub(crate) fn product<T: Scalar>(panel: &[T], rows: usize, pivots: usize, upper:
     let lower = MatRef::from_column_major_slice(panel, rows, pivots).split_at_row(pivots).1;
     let tile = |(update, upper): (&mut [T], &[T])| {
         let columns = update.len() / size;
-        matmul(
+        multiply(
             MatMut::from_column_major_slice_mut(update, size, columns),
             Accum::Replace,
             lower,
             MatRef::from_column_major_slice(upper, pivots, columns),
-            -T::ONE,
-            Par::Seq,
         );
     };
     if 2 * size * size * pivots > TILE_ABOVE {

@@ -2,11 +2,13 @@
 
 use super::gmres::Preconditioner;
 use super::matrix::{BlockMatrix, Pattern};
+use super::product::little_memory;
 use super::scaling::Scaling;
 use crate::{Error, Result};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::prelude::default;
-use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::lu::{LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par};
 
@@ -37,7 +39,11 @@ impl SparseLu {
             }
         }
         let structure = SymbolicSparseColMatRef::new_checked(unknowns, unknowns, &offsets, None, &columns);
-        let symbolic = factorize_symbolic_lu(structure, default())
+        let mut parameters = LuSymbolicParams::default();
+        if little_memory() {
+            parameters.supernodal_flop_ratio_threshold = SupernodalThreshold::FORCE_SIMPLICIAL;
+        }
+        let symbolic = factorize_symbolic_lu(structure, parameters)
             .map_err(|error| Error::Linear(format!("sparse LU, symbolic: {error}")))?;
         let memory = MemBuffer::new(
             symbolic

@@ -32,6 +32,7 @@ mod lu;
 pub mod matrix;
 mod multifrontal;
 mod norm;
+mod product;
 mod scaling;
 mod separator;
 mod solver;
