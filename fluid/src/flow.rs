@@ -9,6 +9,7 @@ use crate::geometry::{Geometry, MeshMotion};
 use crate::linear::{self, Solver};
 use crate::mesh::Periodic;
 use crate::points::{CellExchange, PointDensity, Points, PointsByCell};
+use crate::shear::Shear;
 use crate::transport::{self, CellScalar, Form, Scalar};
 use crate::{Error, Mesh, Result, Vector, boundary};
 use serde::{Deserialize, Serialize};
@@ -122,6 +123,7 @@ pub struct Flow<const D: usize, const B: usize> {
     sorted: PointsByCell,
     /// The points of the step in hand as nodal fields; empty without points.
     density: Vec<PointDensity<D>>,
+    shear: Shear<D, B>,
     bodies: Bodies<D>,
     unknown: Vec<f64>,
 }
@@ -158,6 +160,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             solver: Solver::new(pattern.clone(), &mesh.points, numerics.flow),
             scalars: scalars.iter().map(equation).collect(),
             density: Vec::new(),
+            shear: Shear::default(),
             bodies: Bodies::default(),
             kept: KeptRows::default(),
             owners: Owners::default(),
@@ -272,7 +275,10 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             given
         });
         match points {
-            Some(points) => PointDensity::fill(&mut self.density, points, &self.geometry, &self.state),
+            Some(points) => {
+                let (density, shear) = (&mut self.density, &mut self.shear);
+                PointDensity::fill(density, shear, points, &self.geometry, &self.state)
+            }
             None => self.density.clear(),
         }
         for iteration in 0..self.newton {
@@ -425,7 +431,7 @@ impl<const D: usize, const B: usize> Flow<D, B> {
         let old = &self.state.velocity;
         let at = if iteration == 0 { old } else { &self.next.velocity };
         let (scalars, values) = (&self.scalars, &self.next.scalars);
-        let (sources, density) = (self.sources.as_ref(), &self.density);
+        let (sources, density, shear) = (self.sources.as_ref(), &self.density, &self.shear);
         self.assembler.assemble(&mut self.system, |k, out| {
             let node = geometry.nodes(k);
             let element = geometry.elements[k];
@@ -433,11 +439,8 @@ impl<const D: usize, const B: usize> Flow<D, B> {
             let over_mesh = |u: &[Vector<D>]| std::array::from_fn(|a| u[node[a]] - moving[a]);
             let voidage = node.map(|n| voidage[n]);
             let (mass, load) = forms::Cell::integrals(&element, &voidage);
-            let places = node.map(|n| geometry.mesh.points[n]);
             let density = points.map(|_| node.map(|n| density[n]));
-            let immersed = points
-                .zip(density.as_ref())
-                .and_then(|(points, density)| CellExchange::gather(points, sorted, k, &places, density));
+            let immersed = points.and_then(|points| CellExchange::gather(points, sorted, k, shear));
             let mut lightness = [1.0; B];
             for (Equation { scalar, .. }, value) in scalars.iter().zip(values) {
                 for (light, n) in lightness.iter_mut().zip(node) {

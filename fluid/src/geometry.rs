@@ -87,6 +87,11 @@ impl<const D: usize, const B: usize> Geometry<D, B> {
         std::array::from_fn(|a| self.mesh.cells[B * cell + a] as usize)
     }
 
+    /// Where the nodes of a cell are, m.
+    pub fn places(&self, cell: usize) -> [Vector<D>; B] {
+        self.nodes(cell).map(|node| self.mesh.points[node])
+    }
+
     /// Volume of the mesh, m3 (m2 in the plane).
     pub fn volume(&self) -> f64 {
         self.nodal_volume.iter().sum()

@@ -20,6 +20,7 @@ pub mod harmonic;
 pub mod linear;
 pub mod mesh;
 pub mod points;
+mod shear;
 #[cfg(test)]
 mod steady_tests;
 pub mod transport;

@@ -13,7 +13,7 @@
 use crate::Vector;
 use crate::flow::State;
 use crate::geometry::Geometry;
-use nalgebra::SMatrix;
+use crate::shear::Shear;
 
 /// Point terms as columns, one row per point.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -123,7 +123,7 @@ pub struct CellExchange<const D: usize, const B: usize> {
     pub carried: [f64; B],
     /// sum V^2 a, a of the equation of mass.
     pub diffusion: f64,
-    /// sum gamma (b + H (x_a - x_q)) phi_a, H the smooth velocity gradient at the point.
+    /// sum gamma (b + H (x_a - x_q)) phi_a, H the shear that the points share with the fluid.
     pub force: [Vector<D>; B],
     /// sum V b, b of the equation of mass.
     pub volume_flux: Vector<D>,
@@ -132,13 +132,12 @@ pub struct CellExchange<const D: usize, const B: usize> {
 }
 
 impl<const D: usize, const B: usize> CellExchange<D, B> {
-    /// The sums of one cell, with the places of its nodes and the fields there; `None` if no point is in it.
-    pub fn gather(
+    /// The sums of one cell, of which the shared shear is known; `None` if no point is in it.
+    pub(crate) fn gather(
         points: &Points<D>,
         sorted: &PointsByCell,
         cell: usize,
-        places: &[Vector<D>; B],
-        nodes: &[PointDensity<D>; B],
+        shear: &Shear<D, B>,
     ) -> Option<Self> {
         let mut inside = sorted.of(cell).peekable();
         inside.peek()?;
@@ -147,14 +146,12 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
             pressure: [0.0; B],
             carried: [0.0; B],
             diffusion: 0.0,
-            force: [Vector::zeros(); B],
+            force: *shear.apart(cell),
             volume_flux: Vector::zeros(),
             solid: [[0.0; B]; B],
         };
-        let slopes = nodes.map(|node| node.slope);
         for q in inside {
             let phi = points.shape::<B>(q);
-            let apart = apart(&slopes, places, &phi);
             let (volume, gamma, mobility) = (points.volume[q], points.drag[q], points.mobility[q]);
             let carried = volume * points.flux_mobility[q];
             let left = 1.0 - mobility * gamma;
@@ -164,7 +161,7 @@ impl<const D: usize, const B: usize> CellExchange<D, B> {
                 sum.drag[a][a] += gamma * phi[a];
                 sum.pressure[a] -= volume * left * phi[a];
                 sum.carried[a] += carried * gamma * phi[a];
-                sum.force[a] += (points.velocity[q] + apart[a]) * (gamma * phi[a]);
+                sum.force[a] += points.velocity[q] * (gamma * phi[a]);
                 for b in 0..B {
                     sum.drag[a][b] -= gamma * mobility * gamma * phi[a] * phi[b];
                     sum.solid[a][b] += volume * phi[a] * phi[b];
@@ -187,108 +184,59 @@ pub struct PointDensity<const D: usize> {
     pub drag: f64,
     /// gamma (1 - a gamma): the drag that the law leaves, kg/m3/s.
     pub left_drag: f64,
-    /// gamma (b + H (x_a - x_q)), H the smooth velocity gradient at the point, N/m3.
+    /// gamma (b + H (x_a - x_q)), H the shared shear, N/m3.
     pub force: Vector<D>,
     /// Solid flux phi v* with the law of the equation of mass at the last accepted state (A.15), m/s.
     pub flux: Vector<D>,
-    /// Smooth velocity gradient H, 1/s: twice the mean gradient less its own mean, weighted likewise.
-    pub slope: SMatrix<f64, D, D>,
-    /// Mean of the velocity gradients at the points at the last accepted state, weighted by gamma phi_a, 1/s.
-    mean_slope: SMatrix<f64, D, D>,
 }
 
 impl<const D: usize> PointDensity<D> {
-    /// Fills the fields, one value a node, point after point. Nodes that are one have one sum.
+    /// Fills the fields, one value a node, and the shear that the points share. Nodes that are one have one sum.
     pub(crate) fn fill<const B: usize>(
         fields: &mut Vec<Self>,
+        shear: &mut Shear<D, B>,
         points: &Points<D>,
         geometry: &Geometry<D, B>,
         state: &State<D>,
     ) {
-        let none = SMatrix::zeros();
-        let zero = Self {
-            volume: 0.0,
-            left_volume: 0.0,
-            drag: 0.0,
-            left_drag: 0.0,
-            force: Vector::zeros(),
-            flux: Vector::zeros(),
-            slope: none,
-            mean_slope: none,
-        };
+        let none = Vector::zeros();
+        let zero = Self { volume: 0.0, left_volume: 0.0, drag: 0.0, left_drag: 0.0, force: none, flux: none };
         fields.clear();
         fields.resize(geometry.nodal_volume.len(), zero);
+        shear.clear(geometry);
         let periodic = &geometry.mesh.periodic;
-        // Nodes around a point and its shares of the means around them.
-        let around = |q: usize| {
-            let nodes = geometry.nodes(points.cell[q] as usize);
-            let masters = nodes.map(|node| periodic.master(node as u32) as usize);
-            let phi = points.shape::<B>(q);
-            (nodes, masters, phi, std::array::from_fn(|a| phi[a] / geometry.nodal_volume[masters[a]]))
-        };
         for q in 0..points.len() {
-            let (nodes, masters, phi, share): (_, _, _, [f64; B]) = around(q);
-            let element = &geometry.elements[points.cell[q] as usize];
-            let velocities = nodes.map(|node| state.velocity[node]);
-            let pressure_slope = element.gradient_of(&nodes.map(|node| state.pressure[node]));
+            let (cell, phi) = (points.cell[q] as usize, points.shape::<B>(q));
+            let nodes = geometry.nodes(cell);
+            let (mut fluid, mut slope) = (Vector::<D>::zeros(), Vector::<D>::zeros());
+            for (a, &node) in nodes.iter().enumerate() {
+                fluid += state.velocity[node] * phi[a];
+                slope += geometry.elements[cell].gradient[a] * state.pressure[node];
+            }
             let (volume, drag) = (points.volume[q], points.drag[q]);
             let left = 1.0 - points.mobility[q] * drag;
-            let forcing = at(&velocities, &phi) * drag - pressure_slope * volume;
-            let flux = (points.flux_velocity[q] + forcing * points.flux_mobility[q]) * volume;
-            let slope = element.gradient_of_vector(&velocities) * drag;
-            for (master, share) in masters.into_iter().zip(share) {
-                let sum = &mut fields[master];
+            let forcing = fluid * drag - slope * volume;
+            let solid = points.flux_velocity[q] + forcing * points.flux_mobility[q];
+            for (a, &node) in nodes.iter().enumerate() {
+                let master = periodic.master(node as u32) as usize;
+                let (share, sum) = (phi[a] / geometry.nodal_volume[master], &mut fields[master]);
                 sum.volume += volume * share;
                 sum.left_volume += volume * left * share;
                 sum.drag += drag * share;
                 sum.left_drag += drag * left * share;
                 sum.force += points.velocity[q] * (drag * share);
-                sum.flux += flux * share;
-                sum.mean_slope += slope * share;
+                sum.flux += solid * (volume * share);
             }
+            shear.add(geometry, cell, &phi, drag, [fluid, solid]);
         }
-        for sum in fields.iter_mut().filter(|sum| sum.drag > 0.0) {
-            sum.mean_slope /= sum.drag;
-            sum.slope = sum.mean_slope * 2.0;
-        }
-        for q in 0..points.len() {
-            let (_, masters, phi, share) = around(q);
-            let slope = at(&masters.map(|node| fields[node].mean_slope), &phi) * points.drag[q];
-            for (master, share) in masters.into_iter().zip(share) {
-                let drag = fields[master].drag;
-                if drag > 0.0 {
-                    fields[master].slope -= slope * (share / drag);
-                }
-            }
-        }
-        for q in 0..points.len() {
-            let (nodes, masters, phi, share) = around(q);
-            let places = nodes.map(|node| geometry.mesh.points[node]);
-            let apart = apart(&masters.map(|node| fields[node].slope), &places, &phi);
-            for (a, master) in masters.into_iter().enumerate() {
-                fields[master].force += apart[a] * (points.drag[q] * share[a]);
+        for (cell, apart) in shear.share(geometry, &state.velocity).iter().enumerate() {
+            for (node, apart) in geometry.nodes(cell).into_iter().zip(apart) {
+                let master = periodic.master(node as u32) as usize;
+                fields[master].force += apart / geometry.nodal_volume[master];
             }
         }
         periodic.mirror(fields);
     }
-}
-
-/// H (x_a - x_q) at the nodes of a cell, with H at the point x_q.
-fn apart<const D: usize, const B: usize>(
-    slopes: &[SMatrix<f64, D, D>; B],
-    places: &[Vector<D>; B],
-    phi: &[f64; B],
-) -> [Vector<D>; B] {
-    let (slope, point) = (at(slopes, phi), at(places, phi));
-    places.map(|place| slope * (place - point))
-}
-
-/// The value at a point of a field with these values at the nodes of its cell.
-fn at<const D: usize, const E: usize, const B: usize>(
-    nodes: &[SMatrix<f64, D, E>; B],
-    phi: &[f64; B],
-) -> SMatrix<f64, D, E> {
-    nodes.iter().zip(phi).map(|(value, phi)| value * *phi).sum()
 }
 
 #[cfg(test)]

@@ -48,18 +48,18 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
         rng.standard_normal(box.points.shape),
         rng.standard_normal(len(box.points)),
     )
-    old = Fields(rng.standard_normal(box.points.shape), rng.standard_normal(len(box.points)))
-    matrix, rhs = sums.flow(xi, xi_U, box.density, weight, old.velocity)
+    old = dataclasses.replace(fields, velocity=rng.standard_normal(box.points.shape))
+    matrix, rhs = sums.flow(xi, xi_U, box.density, weight, old)
     unknown = np.column_stack((fields.velocity, fields.pressure)).ravel()
     tested = np.column_stack((v, q)).ravel() @ (matrix @ unknown - rhs)
 
-    apart = within_cells(mesh, points, old.velocity)
+    apart = within_cells(mesh, points, old)
     expected, forces = 0.0, nodal_forces(mesh, points, apart)
     for i, phi, _, around, gradient, _, slope, _ in each_point(mesh, points, fields):
         gamma, V = points.drag[i], points.volume[i]
         u = phi @ fields.velocity[around]
         of_flux = points.flux_velocity[i] + points.flux_mobility[i] * (gamma * u - V * slope)
-        # Drag with the velocities of the nodes less a smooth shear, all else at the point, the law too.
+        # Drag with the velocities of the nodes less the shared shear, all else at the point, the law too.
         drag = gamma * (phi @ ((fields.velocity[around] - apart[i]) * v[around]).sum(axis=1))
         law = points.velocity[i] + points.mobility[i] * (gamma * u - V * slope)
         force = V * slope + gamma * law - V * (phi @ weight[around])
@@ -74,24 +74,28 @@ def test_flow_matrices_are_the_exchange_tested(case, rng):
     assert tested == pytest.approx(expected, rel=1e-12)
 
 
-def within_cells(mesh, points, velocity):
-    """H (x_a - x_q) at the nodes of the cell of each point, H the smooth velocity gradient at the point."""
-    H = [velocity[mesh.nodes[cell]].T @ mesh.gradient[cell] for cell in points.cell]
-    smooth = np.zeros_like(H)
-    for sign in (2, -1):
-        total, weight = np.zeros((len(velocity), *H[0].shape)), np.zeros(len(velocity))
-        for cell, phi, gamma, value in zip(points.cell, points.shape, points.drag, H, strict=True):
-            for node, share in zip(mesh.nodes[cell], phi, strict=True):
-                total[node] += gamma * share * value
-                weight[node] += gamma * share
-        mean = total / np.where(weight > 0, weight, 1)[:, None, None]
-        each = zip(points.cell, points.shape, strict=True)
-        H = [np.einsum("a,aij->ij", phi, mean[mesh.nodes[cell]]) for cell, phi in each]
-        smooth += sign * np.array(H)
+def within_cells(mesh, points, last):
+    """H (x_a - x_q) at the nodes of the cell of each point, H the shear that the points share there."""
+    u, v = np.zeros((2, *points.velocity.shape))
+    for i, phi, _, around, _, velocity, slope, _ in each_point(mesh, points, last):
+        forcing = points.drag[i] * velocity - points.volume[i] * slope
+        u[i], v[i] = velocity, points.flux_velocity[i] + points.flux_mobility[i] * forcing
+    x = np.array([phi @ mesh.places[cell] for cell, phi in zip(points.cell, points.shape, strict=True)])
+    # K_u : K_u and K_v : K_u of all points in the cells around each node.
+    sums = np.zeros((len(last.velocity), 2))
+    for node in range(len(sums)):
+        inside = np.isin(points.cell, np.flatnonzero((mesh.nodes == node).any(axis=1)))
+        w = points.drag[inside]
+        if w.sum() > 0:
+            U, V, X = (f[inside] - w @ f[inside] / w.sum() for f in (u, v, x))
+            K_u, K_v = (U.T * w) @ X, (V.T * w) @ X
+            sums[node] = (K_u * K_u).sum() / w.sum(), (K_v * K_u).sum() / w.sum()
     apart = []
-    for cell, phi, H in zip(points.cell, points.shape, smooth, strict=True):
-        places = mesh.places[cell]
-        apart.append([H @ (place - phi @ places) for place in places])
+    for i, cell in enumerate(points.cell):
+        own, shared = sums[mesh.nodes[cell]].sum(axis=0)
+        s = min(max(shared / own, 0), 1)
+        H = s * (2 - s) * last.velocity[mesh.nodes[cell]].T @ mesh.gradient[cell]
+        apart.append([H @ (place - x[i]) for place in mesh.places[cell]])
     return np.array(apart)
 
 
@@ -151,7 +155,7 @@ def test_what_the_fluid_loses_the_points_gain(case):
     box, mesh, points, sums, fields = case
     # Tests that are one everywhere leave the sum over all points.
     still = np.zeros(len(box.cells)), np.zeros((len(box.cells), box.dimension))
-    matrix, rhs = sums.flow(*still, box.density, np.zeros_like(box.points), fields.velocity)
+    matrix, rhs = sums.flow(*still, box.density, np.zeros_like(box.points), fields)
     unknown = np.column_stack((fields.velocity, fields.pressure))
     lost = (matrix @ unknown.ravel() - rhs).reshape(unknown.shape)[:, :-1].sum(axis=0)
     gained = []
@@ -170,7 +174,7 @@ def test_a_scalar_that_is_not_exchanged_and_no_points(case, rng):
     assert matrix.nnz == 0 and not rhs.any()
     box = dataclasses.replace(box, scalars=(Scalar("tracer", 1.0, 0.1),))
     none = PointSums(mesh, complete(box, Step(0.1, (), np.ones(len(box.points)))).points)
-    flow = none.flow(xi, xi_U, box.density, fields.velocity, np.zeros_like(box.points))
+    flow = none.flow(xi, xi_U, box.density, fields.velocity, fields)
     for matrix, rhs in (flow, none.scalar(0, xi_U, lumped=True)):
         assert matrix.shape == 2 * rhs.shape and matrix.nnz == 0 and not rhs.any()
     np.testing.assert_array_equal(none.solid_flux(fields), np.zeros_like(box.points))

@@ -241,7 +241,7 @@ class FiniteElements(Solver):
         evenly, as by a Lagrange multiplier of the mean pressure."""
         volume, D = self.cells.nodal_volume, self.problem.dimension
         matrix, rhs = boundary.flow_terms()
-        more, load = points.flow(data.xi, data.xi_U, self.problem.density, data.weight, self.state.velocity)
+        more, load = points.flow(data.xi, data.xi_U, self.problem.density, data.weight, self.state)
         (free, value), (loads, values) = boundary.hold_flow(), bodies.responses()
         free[self.sides.images] = 0
         rhs = np.stack((rhs + load, *loads))

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .cells import Cells, Places, Terms
+from .shear import shared_shear
 from .solver import Fields, Floats, Motion, Points, Problem, Sources, Step
 
 DENSEST = 0.2595195
@@ -77,34 +78,33 @@ class PointSums(Places):
         exchange = np.bincount(self.points.cell, columns.coefficient, len(mesh.measure))
         return exchange / (capacity * mesh.measure * mesh.mean(voidage))
 
-    def _mean_by_drag(self, values: Floats) -> Floats:
-        """Means of values at the points, (q, ..), around each node, (n, ..), weighted by gamma phi_a; zero
-        where there is no drag."""
-        drag = self._density(self.points.drag)[:, None]
-        total = self._density(self.points.drag[:, None] * values.reshape(len(values), -1))
-        mean = np.divide(total, drag, out=np.zeros_like(total), where=drag > 0)
-        return mean.reshape(len(mean), *values.shape[1:])
+    def _law(self, fields: Fields) -> Floats:
+        """Velocities of the points by the law of the equation of mass at the given fields, (q, D)."""
+        p = self.points
+        slope = np.einsum("qa,qai->qi", fields.pressure[self.nodes], self.gradient)
+        forcing = p.drag[:, None] * self.at(fields.velocity) - p.volume[:, None] * slope
+        return p.flux_velocity + p.flux_mobility[:, None] * forcing
 
-    def _apart(self, velocity: Floats) -> Floats:
-        """Drag by which the nodes of cells with a sheared flow would be pulled together, (n, D): the sum
-        of gamma phi_a H (x_a - x_q), with H the smooth gradient of the given velocity: twice its mean
-        around each node less the mean of the mean."""
-        shape, drag = self.shape[:, :, None], self.points.drag[:, None, None]
-        mean = self._mean_by_drag(np.einsum("qai,qaj->qij", velocity[self.nodes], self.gradient))
-        H = self.at(2 * mean - self._mean_by_drag(self.at(mean)))
-        places = self.mesh.places[self.points.cell]
-        away = places - (shape * places).sum(axis=1, keepdims=True)
-        force = drag * shape * np.einsum("qij,qaj->qai", H, away)
+    def _apart(self, fields: Fields) -> Floats:
+        """Drag by which the nodes of cells in whose shear the points share would be pulled together, (n, D):
+        the sum of gamma phi_a H (x_a - x_q), H the shared shear at the given fields."""
+        p, mesh = self.points, self.mesh
+        around = mesh.places[p.cell]
+        place = (self.shape[:, :, None] * around).sum(axis=1)
+        velocities = self.at(fields.velocity), self._law(fields)
+        H = shared_shear(mesh, p, place, velocities, fields.velocity)[p.cell]
+        force = np.einsum("qij,qaj->qai", H, around - place[:, None])
+        force *= p.drag[:, None, None] * self.shape[:, :, None]
         sums = [np.bincount(self.nodes.ravel(), each.ravel(), self.count) for each in np.moveaxis(force, 2, 0)]
         return np.stack(sums, axis=1)
 
-    def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats, velocity: Floats) -> Terms:
+    def flow(self, xi: Floats, xi_U: Floats, density: float, weight: Floats, last: Fields) -> Terms:
         """Terms of the points in momentum and mass, their stabilisation included.
 
         -<f_p, v> - <phi v*, grad q>, and the weight of the fluid that the points displace, <phi w, v>;
         ``weight`` are the nodal values of w = rho g (1 - sum beta (s - s_R)), (n, D). The drag
-        gamma u is summed on the diagonal, less what this does to a smooth shear by the last accepted
-        ``velocity``; v* has u at the points. The tests
+        gamma u is summed on the diagonal, less what this does to the shear that the points share with the
+        fluid in the ``last`` accepted fields; v* has u at the points. The tests
         xi (U . grad) v + (xi / rho) grad q weigh the same forces as nodal fields. The fluid's own
         weight is then that of a cell without points: with the voidage made of the points, as in
         V grad p, a fluid at rest between held points solves the discrete equations.
@@ -126,7 +126,7 @@ class PointSums(Places):
             matrix -= test.T @ sp.diags(left) @ volume @ slope
             matrix -= slope.T @ volume @ sp.diags(p.flux_mobility) @ (drag @ test - volume @ slope)
             rhs += test.T @ force[:, i] + slope.T @ flux[:, i]
-        apart = self._apart(velocity)
+        apart = self._apart(last)
         rhs.reshape(-1, D + 1)[:, :D] += apart
         # The forces as fields: K u - M grad p on the left, F - Phi w on the right.
         nodal = (self._density(values) for values in (left * p.drag, left * p.volume, p.volume, given))
@@ -160,8 +160,4 @@ class PointSums(Places):
 
     def solid_flux(self, fields: Fields) -> Floats:
         """Nodal projection (A.15) of phi v, v the law of the flux at the given fields, (n, D)."""
-        p = self.points
-        slope = np.einsum("qa,qai->qi", fields.pressure[self.nodes], self.gradient)
-        forcing = p.drag[:, None] * self.at(fields.velocity) - p.volume[:, None] * slope
-        v = p.flux_velocity + p.flux_mobility[:, None] * forcing
-        return self._density(p.volume[:, None] * v)
+        return self._density(self.points.volume[:, None] * self._law(fields))

@@ -107,7 +107,10 @@ mod tests {
                 for (i, j) in (0..rows).flat_map(|i| (0..columns).map(move |j| (i, j))) {
                     let kept = if accumulate == Accum::Add { wave(i, j) } else { 0.0 };
                     let exact = kept - (0..inner).map(|k| a[(i, k)] * b[(k, j)]).sum::<f64>();
-                    assert!(both.iter().all(|c| (c[(i, j)] - exact).abs() < 1e-12), "{rows} {inner} {columns}");
+                    assert!(
+                        both.iter().all(|c| (c[(i, j)] - exact).abs() < 1e-12),
+                        "{rows} {inner} {columns}"
+                    );
                 }
             }
         }
