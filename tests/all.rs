@@ -9,6 +9,9 @@ mod cost {
 mod determinism {
     mod bed;
 }
+mod remote {
+    mod c_solver;
+}
 mod stability {
     mod heat;
     mod map;

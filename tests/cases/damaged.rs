@@ -233,6 +233,10 @@ fn a_stability_map_does_not_go_on_behind_damaged_points() {
         points,
         "points that are there are kept"
     );
+    let full = ["stability", "--only", "slip", "--scheme", "henry", "--quiet", "--out", "out"];
+    let (code, text) = said(folder.path(), &full);
+    assert!(code == Some(2) && text.contains("stability.csv:2: "), "{code:?} {text}");
+    assert!(text.contains("`form` and `version` are `quick`"), "{text}");
 }
 
 /// The tables of a verification are written anew: what stands there before is not used.

@@ -178,26 +178,3 @@ impl Record {
         Ok(())
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{Tally, Verdict, axes};
-
-    #[test]
-    fn points_of_the_quick_form_are_none_of_the_full_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let (axis, scheme) = (axes().remove(0), SchemeName::default());
-        let sample = Sample::new(Verdict::Passes, 1.0, 1.0, Tally::default());
-        let mut record = Record::open(folder.path(), Effort::Quick).unwrap();
-        record.add(&axis, scheme, [1.0, 2.0], &sample).unwrap();
-        drop(record);
-        let error = Record::open(folder.path(), Effort::Full).err().expect("it holds quick points");
-        let said = error.to_string();
-        assert!(
-            said.contains("stability.csv:2: ") && said.contains("`form` and `version` are `quick`"),
-            "{said}"
-        );
-        assert!(Record::open(folder.path(), Effort::Quick).unwrap().has(&axis, scheme, [1.0, 2.0]));
-    }
-}

@@ -36,8 +36,9 @@ type Vec2 = Vector<2>;
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
-fn folder() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+/// The root of the repository.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the folder above")
 }
 
 // ------------------------------------------------------------------------------------------ compilers
@@ -47,7 +48,7 @@ const STRICT: [&str; 5] = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-con
 
 fn compile(compiler: &str, options: &[&str], source: &str, to: &Path) -> std::io::Result<Output> {
     let mut command = Command::new(compiler);
-    command.args(options).args(STRICT).args(["-O1", "-o"]).arg(to).arg(folder().join(source)).output()
+    command.args(options).args(STRICT).args(["-O1", "-o"]).arg(to).arg(root().join(source)).output()
 }
 
 /// A program in C, and the folder that goes with it.
@@ -61,7 +62,7 @@ fn program(source: &str, options: &[&str]) -> (PathBuf, TempDir) {
 
 #[test]
 fn the_header_is_that_of_the_protocol() {
-    let written = std::fs::read_to_string(folder().join("voidage.h")).unwrap_or_default();
+    let written = std::fs::read_to_string(root().join("coupling/remote/voidage.h")).unwrap_or_default();
     assert!(
         written == voidage_remote::c::header(),
         "coupling/remote/voidage.h is old: cargo run -p voidage-remote --example header"
@@ -73,7 +74,7 @@ fn the_header_and_the_example_are_c_plus_plus_too() {
     let place = tempfile::tempdir().expect("a folder");
     for standard in ["-std=c++11", "-std=c++20"] {
         let to = place.path().join("solver");
-        match compile("c++", &["-x", "c++", standard], "examples/uniform.c", &to) {
+        match compile("c++", &["-x", "c++", standard], "coupling/remote/examples/uniform.c", &to) {
             Ok(output) => {
                 let said = String::from_utf8_lossy(&output.stderr);
                 assert!(output.status.success(), "{standard}: {said}");
@@ -90,17 +91,16 @@ fn the_header_and_the_example_are_c_plus_plus_too() {
 /// In the root of the repository, as pages say.
 #[test]
 fn the_command_that_pages_show_compiles_the_example() {
-    let root = folder().join("../..");
     let place = tempfile::tempdir().expect("a folder");
     for page in ["coupling/README.md", "coupling/remote/examples/uniform.c"] {
-        let text = std::fs::read_to_string(root.join(page)).expect("a page");
+        let text = std::fs::read_to_string(root().join(page)).expect("a page");
         let mut lines = text.lines().map(|line| line.trim_start_matches([' ', '*']));
         let command = lines.find(|line| line.starts_with("cc ")).expect("a command");
         let mut words = command.split(' ');
         let mut compiler = Command::new(words.next().expect("a compiler"));
         let to = place.path().join("uniform");
         let words = words.map(|word| if word == "uniform" { to.as_os_str() } else { OsStr::new(word) });
-        let status = compiler.args(words).current_dir(&root).status().expect("a C compiler");
+        let status = compiler.args(words).current_dir(root()).status().expect("a C compiler");
         assert!(status.success() && to.exists(), "{page}: {command}");
         std::fs::remove_file(&to).expect("the solver");
     }
@@ -310,7 +310,7 @@ fn attach(program: &Path, token: &str) -> (RemoteFluid<2>, Running) {
 
 #[test]
 fn a_bed_with_the_solver_in_c_is_that_with_the_same_solver_in_rust_bit_for_bit() {
-    let (program, _folder) = program("examples/uniform.c", &[]);
+    let (program, _folder) = program("coupling/remote/examples/uniform.c", &[]);
     let (fluid, solver) = attach(&program, "a word");
     let in_c = run(bed(Box::new(fluid)).expect("a bed")).expect("a run");
     assert_eq!(solver.end(), (Some(0), String::new(), String::new()));
@@ -409,7 +409,7 @@ fn lines_of_step(step: &FluidStep<'_, 2>, (iteration, accept): (u32, bool), new:
 
 #[test]
 fn c_reads_what_was_sent_and_its_answer_arrives() {
-    let (program, _folder) = program("tests/probe.c", &[]);
+    let (program, _folder) = program("tests/remote/probe.c", &[]);
     let (mut fluid, solver) = attach(&program, "a \\ \"word\"\t");
     let plain = mesh();
     let mut joined = plain.clone();
@@ -543,7 +543,7 @@ fn read_frame(stream: &mut TcpStream) {
 
 #[test]
 fn a_solver_in_c_says_what_is_wrong_with_what_it_is_sent() {
-    let (program, _folder) = program("examples/uniform.c", &[]);
+    let (program, _folder) = program("coupling/remote/examples/uniform.c", &[]);
     let hello = hello();
     let [mesh, state, step] = requests();
     let whole = frame(mesh.0, &mesh.1);
@@ -615,8 +615,8 @@ fn a_header_of_nonsense_is_an_error_and_no_crash() {
     let place = tempfile::tempdir().expect("a folder");
     let checked = place.path().join("checked");
     let checks = ["-std=c99", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
-    let compiled = compile("cc", &checks, "tests/probe.c", &checked).expect("a C compiler");
-    let (plain, _folder) = program("tests/probe.c", &[]);
+    let compiled = compile("cc", &checks, "tests/remote/probe.c", &checked).expect("a C compiler");
+    let (plain, _folder) = program("tests/remote/probe.c", &[]);
     let program = if compiled.status.success() { checked } else { plain };
     let [mesh, _, step] = requests();
     for (request, before) in [(&mesh, hello()), (&step, [hello(), frame(mesh.0, &mesh.1)].concat())] {
@@ -641,7 +641,7 @@ fn a_header_of_nonsense_is_an_error_and_no_crash() {
 
 #[test]
 fn a_solver_in_c_with_another_token_is_turned_away_and_both_say_why() {
-    let (program, _folder) = program("examples/uniform.c", &[]);
+    let (program, _folder) = program("coupling/remote/examples/uniform.c", &[]);
     let token = Token::new(Some("ours".into()));
     let (mut channel, address) = transport::listen(&Address::any_port(), PATIENCE, &token).expect("a port");
     let solver = start(&program, &address.to_string(), "theirs");
@@ -657,7 +657,7 @@ fn a_solver_in_c_with_another_token_is_turned_away_and_both_say_why() {
 
 #[test]
 fn a_run_reads_why_a_solver_in_c_cannot_go_on() {
-    let (program, _folder) = program("examples/uniform.c", &[]);
+    let (program, _folder) = program("coupling/remote/examples/uniform.c", &[]);
     let (mut fluid, solver) = attach(&program, "");
     let mut joined = mesh();
     joined.join_sides([true, false]).expect("sides that fit");

@@ -1,6 +1,6 @@
 /* A solver for the tests: it writes the bits of all that it reads, and answers with the accepted fields, numbers that
  * count up for the balances, for one body and for the report. */
-#include "../voidage.h"
+#include "../../coupling/remote/voidage.h"
 
 static voidage_solution answer;
 static double numbers[4096];
