@@ -3,18 +3,22 @@
 //! Of a velocity gradient of the fluid the grains share all where they go with it, and nothing where they are held:
 //!
 //! ```text
-//! H = s (2 - s) grad u,      s = sum_a K_v : K_u / sum_a K_u : K_u
+//! H = s (2 - s) grad u,      s = sum_a K_v : K_u / G_a / sum_a [K_u : K_u / G_a + G_a (h^2 |grad u| / 100)^2]
 //! ```
 //!
 //! The share s is the slope of the regression of the velocities v of the points on those u of the fluid at their places,
 //! by the covariances of both with the places x in the cells around each node of the cell,
-//! `K_f = sum gamma (f - f_a) (x - x_a)^T` with the means f_a and x_a. It is at least 0 and at most 1; with s (2 - s) the
-//! scatter of a few grains that go with the fluid has an effect of its square only. A velocity that alternates from node to
+//! `K_f = sum gamma (f - f_a) (x - x_a)^T` with the means f_a and x_a and G_a = sum gamma. The last term, with the size h
+//! of the cell, makes it vanish where the points lie so close together that they tell nothing of a gradient, as one point
+//! alone. It is at least 0 and at most 1; with s (2 - s) the scatter of a few grains that go with the fluid has an effect of its square only. A velocity that alternates from node to
 //! node is not shared by grains that go with the mean.
 
 use crate::Vector;
 use crate::geometry::Geometry;
 use nalgebra::SMatrix;
+
+/// Square of the spread of places, over that of the size of a cell, that tells hardly anything of a gradient.
+const SPREAD: f64 = 0.01;
 
 /// Sums over the points of a cell or of all cells around a node, with the weights gamma.
 #[derive(Clone, Copy)]
@@ -116,11 +120,17 @@ impl<const D: usize, const B: usize> Shear<D, B> {
             }
         }
         for &cell in &cells {
-            let shared = masters(cell).map(|node| self.around_node[node].shared());
-            let [both, fluid] = [0, 1].map(|k| shared.iter().map(|each| each[k]).sum::<f64>());
+            let element = &geometry.elements[cell];
+            let gradient = element.gradient_of_vector(&geometry.nodes(cell).map(|node| velocity[node]));
+            let least = (SPREAD * element.size().powi(2) * gradient.norm()).powi(2);
+            let (mut both, mut fluid) = (0.0, 0.0);
+            for node in masters(cell) {
+                let around = &self.around_node[node];
+                let [of_both, of_fluid] = around.shared();
+                both += of_both;
+                fluid += of_fluid + around.weight * least;
+            }
             let share = if fluid > 0.0 { (both / fluid).clamp(0.0, 1.0) } else { 0.0 };
-            let gradient =
-                geometry.elements[cell].gradient_of_vector(&geometry.nodes(cell).map(|n| velocity[n]));
             let shear = gradient * (share * (2.0 - share));
             self.apart[cell].iter_mut().for_each(|apart| *apart = shear * *apart);
         }

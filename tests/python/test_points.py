@@ -82,19 +82,22 @@ def within_cells(mesh, points, last):
         u[i], v[i] = velocity, points.flux_velocity[i] + points.flux_mobility[i] * forcing
     x = np.array([phi @ mesh.places[cell] for cell, phi in zip(points.cell, points.shape, strict=True)])
     # K_u : K_u and K_v : K_u of all points in the cells around each node.
-    sums = np.zeros((len(last.velocity), 2))
+    sums = np.zeros((len(last.velocity), 3))
     for node in range(len(sums)):
         inside = np.isin(points.cell, np.flatnonzero((mesh.nodes == node).any(axis=1)))
         w = points.drag[inside]
         if w.sum() > 0:
             U, V, X = (f[inside] - w @ f[inside] / w.sum() for f in (u, v, x))
             K_u, K_v = (U.T * w) @ X, (V.T * w) @ X
-            sums[node] = (K_u * K_u).sum() / w.sum(), (K_v * K_u).sum() / w.sum()
+            sums[node] = (K_u * K_u).sum() / w.sum(), (K_v * K_u).sum() / w.sum(), w.sum()
     apart = []
     for i, cell in enumerate(points.cell):
-        own, shared = sums[mesh.nodes[cell]].sum(axis=0)
+        own, shared, weight = sums[mesh.nodes[cell]].sum(axis=0)
+        gradient = last.velocity[mesh.nodes[cell]].T @ mesh.gradient[cell]
+        # Points in one place tell nothing of a gradient.
+        own += weight * (0.01 * mesh.size[cell] ** 2 * np.linalg.norm(gradient)) ** 2
         s = min(max(shared / own, 0), 1)
-        H = s * (2 - s) * last.velocity[mesh.nodes[cell]].T @ mesh.gradient[cell]
+        H = s * (2 - s) * gradient
         apart.append([H @ (place - x[i]) for place in mesh.places[cell]])
     return np.array(apart)
 

@@ -6,6 +6,9 @@ import scipy.sparse as sp
 from .cells import Cells
 from .solver import Floats, Points
 
+SPREAD = 0.01
+"""Square of the spread of places, over that of the size of a cell, that tells hardly anything of a gradient."""
+
 
 def shared_shear(
     mesh: Cells, points: Points, place: Floats, velocities: tuple[Floats, Floats], nodal: Floats
@@ -41,7 +44,8 @@ def shared_shear(
         products = around(products.reshape(cells, D, D), sums)
         K.append(products - np.einsum("ni,nj->nij", around(sums), mean_place))
     fluid, shared = (((k * K[0]).sum(axis=(1, 2)) / weight)[mesh.masters].sum(axis=1) for k in K)
-    share = np.clip(np.divide(shared, fluid, out=np.zeros(cells), where=fluid > 0), 0, 1)
-
     gradient = np.einsum("mai,maj->mij", nodal[mesh.masters], mesh.gradient)
+    least = (SPREAD * mesh.size**2) ** 2 * (gradient**2).sum(axis=(1, 2))
+    fluid += weight[mesh.masters].sum(axis=1) * least
+    share = np.clip(np.divide(shared, fluid, out=np.zeros(cells), where=fluid > 0), 0, 1)
     return gradient * (share * (2 - share) * (drag > 0))[:, None, None]
