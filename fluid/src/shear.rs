@@ -10,8 +10,8 @@
 //! by the covariances of both with the places x in the cells around each node of the cell,
 //! `K_f = sum gamma (f - f_a) (x - x_a)^T` with the means f_a and x_a and G_a = sum gamma. The last term, with the size h
 //! of the cell, makes it vanish where the points lie so close together that they tell nothing of a gradient, as one point
-//! alone. It is at least 0 and at most 1; with s (2 - s) the scatter of a few grains that go with the fluid has an effect of its square only. A velocity that alternates from node to
-//! node is not shared by grains that go with the mean.
+//! alone. The share is at least 0 and at most 1. With s (2 - s) the scatter of a few grains that go with the fluid has an
+//! effect of its square only. A velocity that alternates from node to node is not shared by grains that go with the mean.
 
 use crate::Vector;
 use crate::geometry::Geometry;
