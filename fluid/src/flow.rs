@@ -123,6 +123,7 @@ pub struct Flow<const D: usize, const B: usize> {
     sorted: PointsByCell,
     /// The points of the step in hand as nodal fields; empty without points.
     density: Vec<PointDensity<D>>,
+    /// The shear that they share with the fluid.
     shear: Shear<D, B>,
     bodies: Bodies<D>,
     unknown: Vec<f64>,

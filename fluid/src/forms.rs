@@ -290,8 +290,8 @@ fn mass_conservation<const D: usize, const B: usize>(cell: &Cell<'_, D, B>, out:
 
 /// -<f_p, v> - <phi v*, grad q>, sums over the pieces of the bodies in the cell, with
 /// f_p = V grad p - gamma (u - v*) and v* = b + a (gamma u - V grad p). The drag gamma u of a piece acts on its nodes with
-/// their own velocities less those of the solid there, sum_a phi_a(x) (u_a - w_a) . v_a, in place of (u - w)(x) . v(x).
-/// Both exchange the same force, because sum_a phi_a(x) u_a = u(x); but a piece in the middle of a cell would leave
+/// their own velocities less a shear that grains share, sum_a phi_a(x) (u_a - H (x_a - x)) . v_a, in place of u(x) . v(x).
+/// Both exchange the same force, because sum_a phi_a(x) u_a = u(x) and sum_a phi_a(x) x_a = x; but a piece in the middle of a cell would leave
 /// velocities without drag that alternate from node to node, and the flow would go round it. In v* the piece has u(x), as
 /// the grain.
 fn immersed_bodies<const D: usize, const B: usize>(

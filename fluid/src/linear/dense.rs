@@ -8,7 +8,7 @@ use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Div, MulAssign, Neg, Sub};
 
 /// Single or double precision.
 pub(crate) trait Scalar:
@@ -18,12 +18,10 @@ pub(crate) trait Scalar:
     + Send
     + Sync
     + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
     + Div<Output = Self>
     + Neg<Output = Self>
     + AddAssign
-    + SubAssign
+    + Sub<Output = Self>
     + MulAssign
 {
     const ONE: Self;

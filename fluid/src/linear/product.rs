@@ -2,13 +2,14 @@
 //!
 //! The kernels of faer use AVX-512 where the processor has it, and reserve twice its third cache for each thread that
 //! multiplies, of which they touch little. Under a limit of virtual memory (`ulimit -v`) this can be more than the whole
-//! run needs: then `matrixmultiply` takes its place, which needs some 100 kB. The choice is made once, from the limit.
+//! run needs: then `matrixmultiply` takes its place, which needs a few MB. The choice is made once, from the limit.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par};
 use nix::sys::resource::{Resource, getrlimit};
+use std::ops::{Mul, SubAssign};
 use std::sync::LazyLock;
 
 /// Virtual memory that the kernels of faer may reserve for a thread, bytes: no processor has a third cache of more than
@@ -26,7 +27,7 @@ pub(super) fn little_memory() -> bool {
 }
 
 /// Precisions with a product that needs little memory.
-pub(crate) trait Product: faer::traits::ComplexField + Copy {
+pub(crate) trait Product: faer::traits::ComplexField + Copy + Mul<Output = Self> + SubAssign {
     const MINUS_ONE: Self;
 
     /// C <- -A B, or C - A B, in little memory.
@@ -74,17 +75,45 @@ pub(super) fn solve_unit_lower<T: Product>(lower: MatRef<'_, T>, x: MatMut<'_, T
     }
 }
 
+/// Rows up to which a triangle is solved column by column.
+const SMALL: usize = 16;
+
 /// The same by halves, so that most of the work lies in products.
 fn solve_small<T: Product>(lower: MatRef<'_, T>, x: MatMut<'_, T>) {
-    if lower.nrows() < 2 {
-        return;
+    let rows = lower.nrows();
+    if rows <= SMALL {
+        return solve_columns(lower, x);
     }
-    let half = lower.nrows() / 2;
+    // The first half a multiple of what is solved column by column.
+    let half = (rows / 2).next_multiple_of(SMALL);
     let (first, _, below, last) = lower.split_at(half, half);
     let (mut upper, mut rest) = x.split_at_row_mut(half);
     solve_small(first, upper.rb_mut());
     T::small(rest.rb_mut(), Accum::Add, below, upper.rb());
     solve_small(last, rest);
+}
+
+/// The same column by column. In arrays of full length, with zeros behind the triangle, so that the inner loop becomes
+/// vector operations.
+fn solve_columns<T: Product>(lower: MatRef<'_, T>, x: MatMut<'_, T>) {
+    let rows = lower.nrows();
+    let mut columns = [[T::zero_impl(); SMALL]; SMALL];
+    for k in 0..rows {
+        for i in k + 1..rows {
+            columns[k][i] = lower[(i, k)];
+        }
+    }
+    for mut x in x.col_iter_mut() {
+        let mut y = [T::zero_impl(); SMALL];
+        (0..rows).for_each(|i| y[i] = x[i]);
+        for k in 0..SMALL {
+            let factor = y[k];
+            for i in 0..SMALL {
+                y[i] -= columns[k][i] * factor;
+            }
+        }
+        (0..rows).for_each(|i| x[i] = y[i]);
+    }
 }
 
 #[cfg(test)]
