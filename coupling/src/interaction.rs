@@ -1,7 +1,7 @@
 //! The exchange between grains and fluid: its laws, and what both know of each other.
 
 use crate::appearing::Appearing;
-use crate::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use crate::closure::{Drag, HeatTransfer, Per, ThermalFluid, VoidageFunction};
 use crate::droplet::wet::Wet;
 use crate::exchange::{self, AtGrains, OnMesh};
 use crate::load::{GrainLoad, HeatLoad};
@@ -23,6 +23,8 @@ pub struct Laws {
     pub voidage_function: VoidageFunction,
     /// Heat-transfer law.
     pub heat: HeatTransfer,
+    /// What of a grain drag and heat transfer act on.
+    pub per: Per,
     /// Added mass and lift.
     pub unsteady: Unsteady,
     /// Width over which grains are spread in the fluid, in their diameters; 1: over themselves.
@@ -57,6 +59,8 @@ pub struct Interaction<const D: usize> {
     /// Scalars of the fluid, by number, and the values below which contacts may stick; empty where nothing but the
     /// contacts themselves decides.
     pub sticks_below: Vec<(usize, f64)>,
+    /// Length over which cohesion recovers round a droplet, in radii of it; none: it does not fall off.
+    pub halo: Option<f64>,
     /// Whether the contacts of each grain may stick in the step in hand; empty where all may.
     pub cohesive: Vec<bool>,
     /// Relative residual to which the fluid solver solves its energy equation: temperatures are known to about this
@@ -102,6 +106,7 @@ impl<const D: usize> Default for Interaction<D> {
             felt: vec![],
             heat: vec![],
             sticks_below: vec![],
+            halo: None,
             cohesive: vec![],
             heat_tolerance: Numerics::default().scalars.tolerance,
             carried: None,

@@ -24,6 +24,7 @@ pub mod parts;
 pub mod remesh;
 pub mod report;
 pub mod scheme;
+pub mod single;
 pub mod step;
 pub mod unsteady;
 

@@ -14,7 +14,7 @@ use crate::scheme::anchored::Forcing;
 use crate::{Error, Fluid, HEAT, Interaction, Notice, Result, StepReport, overlap};
 use rayon::prelude::*;
 use std::time::Instant;
-use voidage_dem::{Dem, Load};
+use voidage_dem::{Dem, Halo, Load};
 use voidage_fluid::Vector;
 use voidage_fluid::conditions::ScalarCondition;
 
@@ -160,14 +160,18 @@ impl<const D: usize> Mixture<D> {
             density: laws.density,
             viscosity: laws.viscosity,
         };
-        let volume = &load.volume;
+        // Solid volume of each grain in the mesh, and the share of it that this is.
+        let inside = |i: usize| (load.volume[i], load.volume[i] / particles.volume[i]);
         load.drag.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, gamma)| {
-            *gamma = volume[i] * laws.drag.coefficient(&around(i), laws.voidage_function);
+            let around = around(i);
+            let volume = laws.per.in_drag(inside(i), around.diameter);
+            *gamma = volume * laws.drag.coefficient(&around, laws.voidage_function);
         });
         if let (Some(heat), Some(thermal)) = (&mut load.heat, &laws.thermal) {
             heat.coefficient.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, coefficient)| {
-                let law = laws.heat.coefficient(&around(i), thermal, laws.voidage_function);
-                *coefficient = volume[i] * law;
+                let around = around(i);
+                let volume = laws.per.in_heat(inside(i), around.diameter);
+                *coefficient = volume * laws.heat.coefficient(&around, thermal, laws.voidage_function);
             });
         }
         self.add_unsteady(dt);
@@ -254,6 +258,13 @@ impl<const D: usize> Mixture<D> {
         });
     }
 
+    /// Round the droplet cohesion falls off, where the laws say so.
+    fn halo(&self) -> Option<Halo<D>> {
+        let length = self.interaction.halo?;
+        let state = &self.fluid.droplet.as_ref().filter(|droplet| !droplet.state.gone)?.state;
+        Some(Halo { centre: state.centre, radius: state.radius, length: length * state.radius })
+    }
+
     /// One solution of the fluid from its last accepted state.
     ///
     /// # Errors
@@ -284,12 +295,13 @@ impl<const D: usize> Mixture<D> {
     pub fn move_grains(&mut self, dt: f64, report: &mut StepReport) {
         let start = Instant::now();
         let before = (self.motions.time() > 0.0).then(|| self.grains.means());
+        let halo = self.halo();
         let Interaction { force, heat, cohesive, wet, .. } = &mut self.interaction;
         let load = match (&self.fluid.droplet, wet) {
             (Some(droplet), Some(wet)) => {
-                Load { cohesive, ..wet.add((force, heat), (&[], &[]), &droplet.stream()) }
+                Load { cohesive, halo, ..wet.add((force, heat), (&[], &[]), &droplet.stream()) }
             }
-            _ => Load { force, heat, cohesive, ..Load::default() },
+            _ => Load { force, heat, cohesive, halo, ..Load::default() },
         };
         let moved = self.grains.step(dt, &load);
         self.report_motion(moved, start, report);
@@ -316,6 +328,7 @@ impl<const D: usize> Mixture<D> {
         self.needs(Phase::Closed, "drive_grains", "evaluate_closures")?;
         let start = Instant::now();
         let before = (self.motions.time() > 0.0).then(|| self.grains.means());
+        let halo = self.halo();
         let Interaction { load, cohesive, wet, felt, .. } = &mut self.interaction;
         let transfer = load.heat.as_ref().map_or(&[][..], |heat| &heat.coefficient);
         let Forcing { force, heat } = forcing;
@@ -323,9 +336,9 @@ impl<const D: usize> Mixture<D> {
         let (force, drag) = steady.as_ref().map_or((force, &load.drag), |(force, drag)| (force, drag));
         let mut acting = match (&self.fluid.droplet, wet) {
             (Some(droplet), Some(wet)) => {
-                Load { cohesive, ..wet.add((force, heat), (drag, transfer), &droplet.stream()) }
+                Load { cohesive, halo, ..wet.add((force, heat), (drag, transfer), &droplet.stream()) }
             }
-            _ => Load { force, drag, heat, transfer, cohesive, ..Load::default() },
+            _ => Load { force, drag, heat, transfer, cohesive, halo, ..Load::default() },
         };
         acting.added = &load.added;
         let moved = self.grains.step(dt, &acting);
@@ -418,8 +431,11 @@ impl<const D: usize> Mixture<D> {
             droplet.settle(dt, |stream, before| wet.settle(moved, stream, before));
         }
         fluid.accept_around(dt, taken(grains, fluid.droplet.as_deref()))?;
-        if interaction.wet.is_some() {
+        if let Some(wet) = &interaction.wet {
             interaction.overlap.moved(&fluid.mesh);
+            if let Some(droplet) = fluid.live_droplet() {
+                droplet.count_passed(&grains.particles, wet);
+            }
         }
         if let Some(parts) = &mut parts {
             parts.add_droplet(fluid.droplet.as_deref(), dt / whole);

@@ -207,7 +207,7 @@ impl<const D: usize> Dem<D> {
     /// the caller.
     pub fn step(&mut self, dt: f64, load: &Load<'_, D>) -> StepReport {
         let n = self.particles.len();
-        let Load { force, drag, added, heat, transfer, cohesive } = load;
+        let Load { force, drag, added, heat, transfer, cohesive, halo: _ } = load;
         let scalars = [drag, added, heat, transfer].map(|column| column.len());
         for len in scalars.into_iter().chain([force.len(), cohesive.len()]) {
             assert!(len == 0 || len == n, "a column of the load has {len} entries for {n} grains");

@@ -325,7 +325,7 @@ mod tests {
             };
             let left = Wall::new("left", Plane::new(-0.008, 0.1), Plane::new(-0.008, 0.0));
             let right = Wall::new("right", Plane::new(0.02, 0.0), Plane::new(0.02, 0.1));
-            let cohesion = (case % 4 == 1).then_some(Cohesion { force: 0.05, age: 0.0 });
+            let cohesion = (case % 4 == 1).then_some(Cohesion { force: 0.05, age: 0.0, sliding: None });
             let settings = Settings { cohesion, ..Settings::default() };
             let mut mill = dem(&places, material, vec![floor(), left, right, paddle], settings);
             mill.particles.mass[7] = f64::INFINITY;
@@ -371,7 +371,7 @@ mod tests {
                 },
             ];
             let settings = Settings {
-                cohesion: Some(Cohesion { force: 0.05, age: 0.0 }),
+                cohesion: Some(Cohesion { force: 0.05, age: 0.0, sliding: None }),
                 dissipation_heats: true,
                 energy: true,
                 ..Settings::default()

@@ -55,7 +55,7 @@ pub use particles::retain;
 pub use particles::{Heat, Material, Particles, Rotation};
 pub use passage::{Fed, Mouth, Passage, PassageState, Passed, Rate, Sink, Source};
 pub use period::Period;
-pub use settings::{Acceleration, Cohesion, Cost, Load, Pair, Settings, Side, StepReport};
+pub use settings::{Acceleration, Cohesion, Cost, Halo, Load, Pair, Settings, Side, StepReport};
 pub use space::{Vector, ball, inertia};
 pub use stress::Stress;
 pub use walls::{Motion, Wall};

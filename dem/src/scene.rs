@@ -9,7 +9,7 @@ use crate::parallel;
 use crate::rolling::Rolling;
 use crate::space::Vector;
 use crate::walls::{Placed, Wall};
-use crate::{Heat, Load, Material, Particles, Settings};
+use crate::{Halo, Heat, Load, Material, Particles, Settings};
 
 /// What a sub-step starts from.
 pub(crate) struct Scene<'a, const D: usize> {
@@ -189,6 +189,16 @@ impl<const D: usize> Scene<'_, D> {
 
     pub fn sticky(&self, i: u32) -> bool {
         self.load.cohesive.get(i as usize).copied().unwrap_or(true)
+    }
+
+    /// Share of the adhesive force that a contact of grain i has where it touches.
+    pub fn cohesion_at(&self, i: u32, contact: &Contact<D>) -> f64 {
+        let (p, i) = (self.particles, i as usize);
+        let of = |halo: &Halo<D>| {
+            let place = p.position[i] + contact.normal * p.radius[i];
+            halo.share(&self.settings.period.nearest(place - halo.centre))
+        };
+        self.load.halo.as_ref().map_or(1.0, of)
     }
 
     fn law_between(&self, a: u8, b: u8) -> Law {

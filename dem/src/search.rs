@@ -30,6 +30,8 @@ pub(crate) struct Search<const D: usize> {
     pub touches: Vec<Touch<D>>,
     /// Age of each contact, s; empty without cohesion.
     pub ages: Vec<f64>,
+    /// Speed of sliding at which contacts are young again, m/s.
+    sliding: Option<f64>,
     /// Walls near each zone: `wall_of[wall_starts[c] .. wall_starts[c + 1]]`.
     wall_starts: Vec<u32>,
     wall_of: Vec<u32>,
@@ -348,11 +350,22 @@ impl<const D: usize> Search<D> {
     ) -> impl Iterator<Item = Record<D>> + 'a {
         problem.contacts.iter().enumerate().filter_map(move |(k, c)| {
             let (i, j) = (self.grid.grain_of[c.i as usize], self.partner(c));
-            let age = self.ages.get(k).map_or(0.0, |a| a + older);
+            let young = older > 0.0 && self.sliding.is_some_and(|bound| slides(problem, c) > bound);
+            let age = if young { 0.0 } else { self.ages.get(k).map_or(0.0, |a| a + older) };
             let rolling = problem.rolling.get(k).map_or(0.0, |r: &Rolling| r.impulse.get());
             (c.acts() || age > 0.0).then_some(Record { i, j, impulse: c.impulse, age, rolling })
         })
     }
+}
+
+/// Speed at which the sides of a contact slide on each other, m/s.
+fn slides<const D: usize>(problem: &Problem<D>, c: &Contact<D>) -> f64 {
+    let (bodies, [i, j]) = (&problem.bodies, [c.i, c.j].map(|side| side as usize));
+    let u = match bodies.spins() {
+        true => bodies.relative::<true>(i, j, &c.normal),
+        false => bodies.relative::<false>(i, j, &c.normal),
+    };
+    (u - c.normal * u.dot(&c.normal)).norm()
 }
 
 /// The free velocity of grain i, no faster than sub-steps want it. Where there were not enough of them, everyone

@@ -19,6 +19,29 @@ pub struct Cohesion {
     /// which it formed.
     #[serde(default)]
     pub age: f64,
+    /// Speed of sliding at which a contact is young again, m/s: one that slides faster at the end of a sub-step has the
+    /// age 0. Above 0. Default: none, contacts grow old while they touch, sliding or not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sliding: Option<f64>,
+}
+
+/// A disc (sphere in space) around which contacts stick the less, the nearer they are to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Halo<const D: usize> {
+    /// Its centre, m.
+    pub centre: Vector<D>,
+    /// Its radius r, m.
+    pub radius: f64,
+    /// Length L over which adhesion recovers, m.
+    pub length: f64,
+}
+
+impl<const D: usize> Halo<D> {
+    /// Share of the adhesive force at a way s (m) from the centre: 1 - exp(-(s^2 - r^2)/L^2), and none within r.
+    pub fn share(&self, way: &Vector<D>) -> f64 {
+        let beyond = way.norm_squared() - self.radius * self.radius;
+        -(-beyond.max(0.0) / (self.length * self.length)).exp_m1()
+    }
 }
 
 /// How to improve on plain Gauss-Seidel sweeps.
@@ -196,12 +219,14 @@ pub struct Load<'a, const D: usize> {
     pub transfer: &'a [f64],
     /// Whether a grain's contacts may stick (with [`Cohesion`]); a contact sticks if both grains may.
     pub cohesive: &'a [bool],
+    /// Where cohesion falls off; none: nowhere.
+    pub halo: Option<Halo<D>>,
 }
 
 impl<const D: usize> Default for Load<'_, D> {
     /// Nothing acts.
     fn default() -> Self {
-        Self { force: &[], drag: &[], added: &[], heat: &[], transfer: &[], cohesive: &[] }
+        Self { force: &[], drag: &[], added: &[], heat: &[], transfer: &[], cohesive: &[], halo: None }
     }
 }
 

@@ -223,7 +223,7 @@ const PARTS: &[Part] = &[
     },
     Part {
         name: "cohesion",
-        on: |scene| contacts(scene).cohesion = Some(Cohesion { force: 1e-6, age: 0.0 }),
+        on: |scene| contacts(scene).cohesion = Some(Cohesion { force: 1e-6, age: 0.0, sliding: None }),
         adds: NOTHING,
     },
     Part {

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use voidage_coupling::backend::{FluidBackend, FluidStep, Immersed, Model, Solution};
-use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use voidage_coupling::closure::{Drag, HeatTransfer, Per, ThermalFluid, VoidageFunction};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::scheme::{Options, SchemeName};
 use voidage_coupling::unsteady::Unsteady;
@@ -223,6 +223,7 @@ fn bed(backend: Box<dyn FluidBackend<2>>) -> Result<Coupled<2>> {
         drag: Drag::Dallavalle,
         voidage_function: VoidageFunction::None,
         heat: HeatTransfer::RanzMarshall,
+        per: Per::Solid,
         unsteady: Unsteady::default(),
         kernel: 1.0,
         density: model.properties.density,

@@ -73,6 +73,76 @@ fn a_grain_falls_through_a_droplet_at_rest_as_through_water() {
     assert!((weighs_all / exact - 1.0).abs() < 1e-9, "{weighs_all} m/s where {exact} is exact");
 }
 
+/// Where the laws are per disc, drag does not depend on how much of a grain is solid, and weight does: with
+/// gamma = eta/2 (0.63 sqrt(Re) + 4.8)^2.
+#[test]
+fn a_grain_falls_through_water_with_the_drag_of_its_disc() {
+    for solidity in [0.476, 1.0] {
+        let solid = format!("grains[0].solidity={solidity}");
+        let still = ["droplet.held=true", "time.step=1e-3", "coupling.per=\"disc\"", &solid];
+        let lone = ["droplet.inside.voidage=\"one\"", "coupling.voidage_function=\"none\""];
+        let mut run = run(&[&COLD, &ONE[..3], &still, &lone, &["droplet.buoyancy=\"hydrostatic\""]]);
+        steps(&mut run, 60);
+        let falls = -run.coupled().grains().expect("grains").particles.velocity[0].y;
+        let weight = solidity * std::f64::consts::PI * 2.75e-5f64.powi(2) * (3200.0 - 958.4) * 9.81;
+        let root = 0.63 * (958.4 * 5.5e-5 * falls / 2.82e-4).sqrt() + 4.8;
+        let drag = 2.82e-4 / 2.0 * root * root * falls;
+        assert!((drag / weight - 1.0).abs() < 1e-8, "{drag} N/m of {weight} N/m at {falls} m/s");
+    }
+}
+
+/// The number is the vapour through a chimney as wide as the droplet over the speed of a grain that falls in the gas.
+#[test]
+fn the_chimney_number_is_that_of_the_mean_grain() {
+    for per in ["solid", "disc"] {
+        let (per, steam) = (format!("coupling.per={per:?}"), "droplet.vapour_density=0.8");
+        let mut run = run(&[&[&per, steam, "grains[0].radius=5e-5"]]);
+        steps(&mut run, 2);
+        let of = |name: &str| reading(&run, name);
+        let width = 2.0 * of("droplet_radius_m");
+        let falls = of("vaporisation_kg_per_s_per_m") / (width * 0.8 * of("droplet_chimney_number"));
+        // 47.6 % of a disc of 0.1 mm is solid, or all of the volume that spheres have with the cross-section.
+        let solid = 0.476 * std::f64::consts::PI * 25e-10;
+        let volume = if per.contains("disc") { 2.0 / 3.0 * 1e-8 } else { solid };
+        let around =
+            Surroundings { slip: falls, voidage: 1.0, diameter: 1e-4, density: 1.204, viscosity: 2e-5 };
+        let drag = volume * Drag::Dallavalle.coefficient(&around, VoidageFunction::Henry) * falls;
+        let weight = solid * (3200.0 - 1.204) * 9.81;
+        assert!((drag / weight - 1.0).abs() < 1e-9, "{per}: {drag} N/m of {weight} N/m at {falls} m/s");
+    }
+}
+
+/// A grain hangs on one that is held beside the droplet while its weight is below the share of the adhesive force that is
+/// left there: 1 - exp(-(s^2 - r^2)/(l r)^2), s from the centre to where they touch.
+#[test]
+fn cohesion_falls_off_round_the_droplet() {
+    let (radius, size) = (5e-5, 1e-3_f64);
+    let (x, y) = (0.0045_f64, 0.00845_f64);
+    let square = (x - 0.003).powi(2) + (y - 0.00825).powi(2);
+    let share = 1.0 - (-(square - size * size) / (1.5 * size).powi(2)).exp();
+    let weight = 0.476 * std::f64::consts::PI * radius * radius * (3200.0 - 1.204) * 9.81;
+    let falls = |force: f64| {
+        let force = format!("contacts.cohesion={{force={force}}}");
+        let [low, high] = [-1.0, 1.0].map(|side| [x + side * 1.01 * radius, y + side * 2.01 * radius]);
+        let pair = format!("grains[0].placement={{lattice={{lower={low:?},upper={high:?},spacing=1.0}}}}");
+        let sets = ["droplet.held=true", "coupling.cohesion_below={}", "coupling.cohesion_halo=1.5", &force];
+        let still = ["grains[0].radius=5e-5", "grains[0].velocity=[0.0,0.0]", &pair];
+        let mut run = run(&[&COLD, &sets, &still]);
+        let grains = run.coupled_mut().grains_mut().expect("grains");
+        assert!(
+            grains.particles.len() == 2 && grains.particles.position[0].y < grains.particles.position[1].y
+        );
+        grains.particles.mass[1] = f64::INFINITY;
+        // It hits the one that is held in the first step, and hangs on it then.
+        grains.particles.velocity[0].y = 0.1;
+        steps(&mut run, 10);
+        -run.coupled().grains().expect("grains").particles.velocity[0].y
+    };
+    assert!(falls(1.01 * weight / share).abs() < 1e-8, "{} m/s", falls(1.01 * weight / share));
+    let speed = falls(0.99 * weight / share);
+    assert!(speed > 1e-3, "{speed} m/s");
+}
+
 #[test]
 fn a_grain_as_heavy_as_the_water_rests_in_a_droplet_that_the_gas_carries() {
     // In a gas so thick that the droplet is at its terminal velocity at once.

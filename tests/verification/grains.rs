@@ -8,7 +8,7 @@ mod rest;
 mod rolling;
 
 use approx::assert_relative_eq;
-use voidage_dem::{Dem, Load, Material, Motion, Particles, Settings, Vector, Wall};
+use voidage_dem::{Dem, Halo, Load, Material, Motion, Particles, Period, Settings, Vector, Wall};
 use voidage_tests::verify_quickly;
 
 type V = Vector<2>;
@@ -234,7 +234,7 @@ fn cohesion_holds_up_to_its_force() {
     let hangs = |force: f64, dt: f64, sticky: bool| {
         let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material);
         grains.mass[0] *= 1e9; // held by its inertia
-        let cohesion = Some(voidage_dem::Cohesion { force, age: 2.5 * dt });
+        let cohesion = Some(voidage_dem::Cohesion { force, age: 2.5 * dt, sliding: None });
         let settings = Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, ..Settings::default() };
         let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
         let mut load = Load::default();
@@ -253,6 +253,69 @@ fn cohesion_holds_up_to_its_force() {
     }
 }
 
+/// Adhesion that falls off round a disc: a grain hangs under a held one while its pull stays below the share of F_c0
+/// that is left where they touch, 1 - exp(-(s^2 - r^2)/L^2), and nothing is left at the surface and within; across a
+/// periodic side it is the same.
+#[test]
+fn cohesion_falls_off_round_a_disc() {
+    let material = rubbing(0.3);
+    let weight = discs(vec![v(0.0, 0.0)], 0.5, &material).mass[0] * G;
+    let hangs = |force: f64, place: V, dt: f64| {
+        let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material);
+        grains.mass[0] *= 1e9; // held by its inertia
+        let cohesion = Some(voidage_dem::Cohesion { force, age: 2.5 * dt, sliding: None });
+        let period = Period::new([Some([-30.0, 30.0]), None]).expect("sides");
+        let settings =
+            Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, period, ..Settings::default() };
+        let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
+        let mut load =
+            Load { halo: Some(Halo { centre: place, radius: 2.0, length: 3.0 }), ..Load::default() };
+        (0..4).for_each(|_| assert!(dem.step(dt, &load).converged));
+        let pull = [V::zeros(), v(0.0, -weight)];
+        load.force = &pull;
+        (0..10).for_each(|_| assert!(dem.step(dt, &load).converged));
+        // Half of what a thousandth of the weight gives in ten steps.
+        dem.particles.velocity[1][1].abs() < 0.5e-3 * G * 10.0 * dt
+    };
+    // They touch at (0, 0.5): 3 m from the first two centres, one of them beyond the side, 2 and 1 m from the others.
+    let share = 1.0 - (-5.0_f64 / 9.0).exp();
+    for dt in [1e-2, 1e-4] {
+        for place in [v(3.0, 0.5), v(0.0, -2.5), v(57.0, 0.5)] {
+            assert!(hangs(1.001 * weight / share, place, dt), "{place}");
+            assert!(!hangs(0.999 * weight / share, place, dt), "{place}");
+        }
+        assert!(!hangs(1e3 * weight, v(2.0, 0.5), dt));
+        assert!(!hangs(1e3 * weight, v(1.0, 0.5), dt));
+    }
+}
+
+/// A contact that slides faster than `sliding` stays young, and does not stick; one that slides more slowly does.
+#[test]
+fn contacts_that_slide_do_not_grow_old() {
+    let material = rubbing(0.0);
+    let hangs = |sliding: Option<f64>, dt: f64| {
+        let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material).rotating();
+        grains.mass[0] *= 1e9; // held by its inertia
+        let weight = grains.mass[1] * G;
+        // 0.2 m/s at its surface.
+        grains.rotation.as_mut().expect("discs spin").spin[1] = 0.4;
+        let cohesion = Some(voidage_dem::Cohesion { force: 1.1 * weight, age: 2.5 * dt, sliding });
+        let settings = Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, ..Settings::default() };
+        let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
+        let mut load = Load::default();
+        (0..4).for_each(|_| assert!(dem.step(dt, &load).converged));
+        let pull = [V::zeros(), v(0.0, -weight)];
+        load.force = &pull;
+        (0..10).for_each(|_| assert!(dem.step(dt, &load).converged));
+        dem.particles.velocity[1][1].abs() < 0.5e-3 * G * 10.0 * dt
+    };
+    for dt in [1e-2, 1e-4] {
+        assert!(hangs(None, dt));
+        assert!(hangs(Some(0.21), dt));
+        assert!(!hangs(Some(0.19), dt));
+    }
+}
+
 /// Grains of 55 um under one that is held, as many as F_c0 of Henry et al. carries (Table 2): 21 of porous grains
 /// and 10 of full ones, whatever the step. One more falls, with all that hang below the contact that gives way.
 #[test]
@@ -264,7 +327,7 @@ fn a_chain_hangs_as_long_as_cohesion_carries_its_weight() {
         let mass = 3200.0 * solidity * std::f64::consts::PI * radius * radius;
         grains.mass.fill(mass);
         grains.mass[0] *= 1e12; // held by its inertia
-        let cohesion = Some(voidage_dem::Cohesion { force: 7.5e-4, age: 2.5 * dt });
+        let cohesion = Some(voidage_dem::Cohesion { force: 7.5e-4, age: 2.5 * dt, sliding: None });
         let settings = Settings { gravity: V::zeros(), cohesion, tolerance: 1e-10, ..Settings::default() };
         let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
         let mut load = Load::default();

@@ -1,8 +1,8 @@
 //! The sizes of a scene that tell a mistake, and what is out of its usual range: for `voidage check`.
 
 use std::fmt;
-use voidage_coupling::closure::Surroundings;
-use voidage_coupling::{Interaction, Laws};
+use voidage_coupling::Interaction;
+use voidage_coupling::single::Single;
 use voidage_dem::Particles;
 use voidage_fluid::{Mesh, Vector};
 use voidage_scene::{Flow, Placement, Scene, Simulation};
@@ -44,46 +44,6 @@ pub struct Sizes {
     pub lines: Vec<(&'static str, String)>,
     /// What is out of its usual range.
     pub unusual: Vec<Unusual>,
-}
-
-/// How a single grain moves in the fluid at rest.
-struct Single {
-    /// Speed at which it falls, m/s.
-    terminal: f64,
-    /// Time in which it comes to that, s: its mass over the drag coefficient then.
-    relaxation: f64,
-}
-
-/// The speed at which `weight(speed)`, which grows, is 1; bisection on a logarithmic scale.
-fn solve(weight: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (1e-12_f64, 1e6_f64);
-    for _ in 0..200 {
-        let middle = (low * high).sqrt();
-        if weight(middle) > 1.0 { high = middle } else { low = middle }
-    }
-    (low * high).sqrt()
-}
-
-/// Drag coefficient over the solid volume, kg/m3/s.
-fn drag(laws: &Laws, diameter: f64, slip: f64, voidage: f64) -> f64 {
-    let around = Surroundings { slip, voidage, diameter, density: laws.density, viscosity: laws.viscosity };
-    laws.drag.coefficient(&around, laws.voidage_function)
-}
-
-impl Single {
-    fn new(laws: &Laws, (diameter, density): (f64, f64), gravity: f64) -> Single {
-        let weight = (density - laws.density).abs() * gravity;
-        let terminal = solve(|slip| drag(laws, diameter, slip, 1.0) * slip / weight);
-        Single { terminal, relaxation: density / drag(laws, diameter, terminal, 1.0) }
-    }
-}
-
-/// The superficial velocity at which the drag carries a bed, m/s.
-fn minimum_fluidisation(laws: &Laws, (diameter, density): (f64, f64), voidage: f64, gravity: f64) -> f64 {
-    let weight = (density - laws.density) * gravity;
-    // Drag and the pressure gradient, which acts on the grains too, carry the solid: gamma/V w/eps, w = U/eps.
-    let slip = solve(|slip| drag(laws, diameter, slip, voidage) * slip / voidage / weight);
-    slip * voidage
 }
 
 /// Width over which grains are spread, in their diameters.
@@ -374,28 +334,33 @@ impl Sizes {
             }
         });
         let inflow = inflow.fold(0.0, f64::max);
+        // The share of its disc that is solid is that of the first grain.
+        let solidity = grains.volume[grain] / (2.0 * grains.radius[grain]).powi(2);
+        let of = |diameter: f64| Single { diameter, volume: solidity * diameter * diameter, density };
         if gravity > 0.0 && density != laws.density {
-            let single = Single::new(laws, (least, density), gravity);
-            let reynolds = laws.density * least * single.terminal / laws.viscosity;
+            let smallest = of(least);
+            let terminal = smallest.terminal(laws, gravity);
+            let relaxation = density / smallest.drag(laws, terminal, 1.0);
+            let reynolds = laws.density * least * terminal / laws.viscosity;
             self.line(
                 "single grain",
                 format!(
                     "falls at {} m/s (Re {}), relaxation time {} s, {} steps",
-                    Short(single.terminal),
+                    Short(terminal),
                     Short(reynolds),
-                    Short(single.relaxation),
-                    Short(single.relaxation / step)
+                    Short(relaxation),
+                    Short(relaxation / step)
                 ),
             );
-            if inflow > single.terminal && density > laws.density {
+            if inflow > terminal && density > laws.density {
                 let what = format!(
                     "{} m/s is faster than the smallest grain falls ({} m/s): it is blown out",
                     Short(inflow),
-                    Short(single.terminal)
+                    Short(terminal)
                 );
                 self.odd("fluid.boundaries", what);
             }
-            let travel = single.terminal.min(gravity * step).max(grains_speed(grains)) * step / least;
+            let travel = terminal.min(gravity * step).max(grains_speed(grains)) * step / least;
             if travel > 1.0 {
                 let what = format!("a grain moves by {} of its diameters in a step", Short(travel));
                 self.odd("time.step", what);
@@ -408,7 +373,7 @@ impl Sizes {
             return;
         }
         let voidage = voidages.iter().sum::<f64>() / voidages.len() as f64;
-        let fluidised = minimum_fluidisation(laws, (0.5 * (least + most), density), voidage, gravity);
+        let fluidised = of(0.5 * (least + most)).minimum_fluidisation(laws, voidage, gravity);
         let share = if inflow > 0.0 {
             format!("; the inflow is {} of it", Short(inflow / fluidised))
         } else {

@@ -4,7 +4,7 @@
 use super::axis::{Axis, Sample, Tally, Verdict, product};
 use std::f64::consts::PI;
 use voidage_campaign::{Effort, largest, worse};
-use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use voidage_coupling::closure::{Drag, HeatTransfer, Per, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
 use voidage_coupling::remesh::{Remesh, Remesher};
@@ -120,6 +120,7 @@ pub(super) fn material(density: f64, vapour_density: f64, latent_heat: f64) -> M
             drag: Drag::Dallavalle,
             heat: HeatTransfer::RanzMarshall,
             voidage_function: VoidageFunction::None,
+            per: Per::Solid,
         },
         temperature: BOILING,
         latent_heat,

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 use std::sync::OnceLock;
 use voidage_coupling::backend::{FluidStep, Model, RustFluid};
-use voidage_coupling::closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use voidage_coupling::closure::{Drag, HeatTransfer, Per, Surroundings, ThermalFluid, VoidageFunction};
 use voidage_coupling::exchange::AtGrains;
 use voidage_coupling::scheme::iterated::Iteration;
 use voidage_coupling::scheme::{Options, SchemeName};
@@ -179,6 +179,7 @@ impl FluidSet {
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::None,
             heat: HeatTransfer::RanzMarshall,
+            per: Per::Solid,
             unsteady: Unsteady::default(),
             kernel: 1.0,
             density: self.properties.density,

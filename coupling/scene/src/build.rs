@@ -106,6 +106,7 @@ fn interaction(
     };
     let mut interaction = Interaction::new(laws, &fluid.mesh, grains, at)?;
     interaction.sticks_below = sticks_below(coupling, fluid)?;
+    interaction.halo = coupling.cohesion_halo;
     interaction.heat_tolerance = described.solver.tolerance;
     Ok(interaction)
 }
@@ -117,6 +118,7 @@ fn laws(coupling: &scene::Coupling, grains: &Dem<2>, described: &scene::Fluid) -
         drag: coupling.drag,
         voidage_function: coupling.voidage_function,
         heat: coupling.heat.unwrap_or_default(),
+        per: coupling.per,
         unsteady: Unsteady { added_mass: coupling.added_mass, lift: coupling.lift },
         kernel: coupling.kernel,
         density: described.density,
@@ -168,13 +170,14 @@ pub(crate) fn change(coupled: &mut Coupled<2>, scene: &Scene, scheme: bool) -> R
     if let (Some(mixture), Some(described)) = (coupled.mixture_mut(), &scene.fluid) {
         mixture.interaction.laws = laws(&coupling, &mixture.grains, described);
         mixture.interaction.sticks_below = sticks_below(&coupling, &mixture.fluid)?;
+        mixture.interaction.halo = coupling.cohesion_halo;
     }
     if let (Some(fluid), Some(described)) = (coupled.fluid_mut(), &scene.fluid) {
         fluid.conditions = fluid::conditions(scene, described);
         fluid.schedules = fluid::schedules(described);
         if let Some(droplet) = &mut fluid.droplet {
             let water = &mut droplet.material.water;
-            water.drag = coupling.drag;
+            (water.drag, water.per) = (coupling.drag, coupling.per);
             (water.heat, water.voidage_function) =
                 (coupling.heat.unwrap_or_default(), coupling.voidage_function);
             if droplet.state.gone {

@@ -21,6 +21,10 @@ pub struct Droplet {
     /// Heat of vaporisation, J/kg. Above 0. Default 2.257e6: water at 100 C.
     #[serde(default = "latent")]
     pub latent_heat: f64,
+    /// Density of the vapour that leaves it, kg/m3: how much room boiled liquid takes in the gas, whose own density stays
+    /// `fluid.density`. Above 0. Default: that of the fluid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vapour_density: Option<f64>,
     /// The liquid. Default: water at 100 C.
     #[serde(default)]
     pub liquid: Liquid,

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use voidage_coupling::closure::{Drag, HeatTransfer, Lift, VoidageFunction};
+use voidage_coupling::closure::{Drag, HeatTransfer, Lift, Per, VoidageFunction};
 use voidage_coupling::remesh::Remesh;
 use voidage_coupling::scheme::SchemeName;
 use voidage_coupling::scheme::cut::Cutting;
@@ -320,6 +320,11 @@ pub struct Coupling {
     /// `"ranz-marshall"` or `"wakao"`. Default `"henry"` when both have a temperature, else none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heat: Option<HeatTransfer>,
+    /// What of a grain the laws of drag and heat transfer act on, in the fluid and in the water of a droplet: `"solid"`,
+    /// its solid volume, as of so many spheres of its diameter; or `"disc"`, its whole disc, with the cross-section d and
+    /// the surface pi d per metre of depth, whatever `solidity` it has. Default "solid".
+    #[serde(skip_serializing_if = "is_default")]
+    pub per: Per,
     /// Width over which the fluid meets a grain, in diameters of the grain: its solid, drag and heat are spread over a
     /// disc so wide. At least 1, the grain itself. Beds with elements smaller than a grain need 2, since a law of drag
     /// is a mean over grains and gaps. Default 1.
@@ -337,6 +342,11 @@ pub struct Coupling {
     /// for both grains of a contact. Default: none, cohesion acts everywhere.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub cohesion_below: BTreeMap<String, f64>,
+    /// Length l over which cohesion recovers round the droplet, in radii r of it: at a distance s from its centre
+    /// contacts have the share 1 - exp(-(s^2 - r^2)/(l r)^2) of `contacts.cohesion.force`, and none in the water. Above
+    /// 0. Default: it does not fall off.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cohesion_halo: Option<f64>,
 }
 
 impl Coupling {
@@ -366,10 +376,12 @@ impl Default for Coupling {
             drag: Drag::Dallavalle,
             voidage_function: VoidageFunction::Henry,
             heat: None,
+            per: Per::Solid,
             kernel: 1.0,
             added_mass: 0.0,
             lift: None,
             cohesion_below: BTreeMap::new(),
+            cohesion_halo: None,
         }
     }
 }

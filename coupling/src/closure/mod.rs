@@ -157,6 +157,38 @@ impl Drag {
     }
 }
 
+/// What of a grain the laws of drag and heat transfer of a sphere of its diameter d act on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Per {
+    /// Its solid volume V: A/V = 3/(2 d) and S/V = 6/d are those of spheres (Henry et al., Eqs. 8 and 13). A disc that
+    /// stands for spheres with pores between them has as many of them as fill V.
+    #[default]
+    Solid,
+    /// Its disc, whatever of it is solid: the cross-section d and the surface pi d per metre of depth, as if it were a
+    /// sphere with these.
+    Disc,
+}
+
+impl Per {
+    /// Volume (m2 in the plane) whose spheres have the cross-section of a `share` of a disc, of which the solid `volume`
+    /// (m2) is.
+    pub fn in_drag(self, (volume, share): (f64, f64), diameter: f64) -> f64 {
+        match self {
+            Self::Solid => volume,
+            Self::Disc => share * diameter * diameter * (2.0 / 3.0),
+        }
+    }
+
+    /// The same for the surface.
+    pub fn in_heat(self, (volume, share): (f64, f64), diameter: f64) -> f64 {
+        match self {
+            Self::Solid => volume,
+            Self::Disc => share * diameter * diameter * (std::f64::consts::PI / 6.0),
+        }
+    }
+}
+
 /// Law of lift.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]

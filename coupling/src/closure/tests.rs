@@ -30,6 +30,28 @@ fn drag_is_the_printed_coefficient() {
     }
 }
 
+/// gamma = d rho/2 C_d |u - v| and hA = pi k Nu of a disc per metre of depth, whatever of it is solid; of three quarters of
+/// it that much.
+#[test]
+fn laws_per_disc_have_its_cross_section_and_its_surface() {
+    let (x, thermal) = (around(0.7, 0.5), ThermalFluid { conductivity: 0.026, prandtl: 0.7 });
+    let coefficient = (0.63 + 4.8 / 21f64.sqrt()).powi(2);
+    let disc = std::f64::consts::PI * 0.25e-6;
+    for (share, solidity) in [(1.0, 0.476), (1.0, 1.0), (0.75, 0.476)] {
+        let inside = (share * solidity * disc, share);
+        let drag = Per::Disc.in_drag(inside, 1e-3) * Drag::Dallavalle.coefficient(&x, VoidageFunction::None);
+        assert_relative_eq!(drag, share * 1e-3 * 0.5 * 1.2 * 0.7 * coefficient, max_relative = 1e-12);
+        let nusselt = HeatTransfer::RanzMarshall.nusselt(&x, 0.7, VoidageFunction::None);
+        let law = HeatTransfer::RanzMarshall.coefficient(&x, &thermal, VoidageFunction::None);
+        let transfer = Per::Disc.in_heat(inside, 1e-3) * law;
+        assert_relative_eq!(transfer, share * std::f64::consts::PI * 0.026 * nusselt, max_relative = 1e-12);
+        assert_eq!(
+            (Per::Solid.in_drag(inside, 1e-3), Per::Solid.in_heat(inside, 1e-3)),
+            (inside.0, inside.0)
+        );
+    }
+}
+
 #[test]
 fn gidaspow_gives_the_pressure_drop_of_ergun() {
     // Steady bed of set I: eps dp/dx = phi gamma/V w, w = U/eps; Ergun (1952) for dp/dx.

@@ -99,8 +99,21 @@ pub struct DropletState<const D: usize> {
     pub boiled: f64,
     /// What it has got since time zero.
     pub ledger: Ledger<D>,
+    /// Solid that has passed its surface.
+    pub passed: Passed,
     /// Whether it has boiled away, but for what is left of the liquid: there is gas in its place.
     pub gone: bool,
+}
+
+/// Solid volume (m2) that has passed the surface of a droplet since time zero, less what came back: what it took in
+/// through the half that lies ahead of it when it falls, and what it threw out through the other. Their difference is
+/// what it has more in it than at time zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Passed {
+    /// In through the lower half.
+    pub in_below: f64,
+    /// Out through the upper half.
+    pub out_above: f64,
 }
 
 /// What a droplet has got from others since time zero, part by part of the steps: the other side of
@@ -254,6 +267,7 @@ impl Droplet<2> {
             volume: 0.0,
             boiled: 0.0,
             ledger: Ledger { impulse: Vector::zeros(), vapour: Vector::zeros(), heat: 0.0 },
+            passed: Passed::default(),
             gone: false,
         };
         let mut droplet = Self {

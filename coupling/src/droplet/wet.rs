@@ -14,7 +14,7 @@
 
 use super::choices::GrainShare;
 use super::surface::{Chord, Surface};
-use crate::closure::{Drag, HeatTransfer, Surroundings, ThermalFluid, VoidageFunction};
+use crate::closure::{Drag, HeatTransfer, Per, Surroundings, ThermalFluid, VoidageFunction};
 use crate::exchange::AtGrains;
 use crate::load::GrainLoad;
 use rayon::prelude::*;
@@ -48,6 +48,8 @@ pub struct Water {
     pub heat: HeatTransfer,
     /// Voidage function of both.
     pub voidage_function: VoidageFunction,
+    /// What of a grain both act on.
+    pub per: Per,
 }
 
 /// A grain that the water reaches.
@@ -260,6 +262,28 @@ impl<const D: usize> Wet<D> {
         }
     }
 
+    /// Solid volume (m2) that the water has won since the grains were cut by which it now is at another place, with other
+    /// grains: that of grains which lie down of the centre, and of the others.
+    pub(super) fn passed(
+        &self,
+        particles: &Particles<D>,
+        surface: &Surface<D>,
+        (centre, size): (&Vector<D>, f64),
+        down: &Vector<D>,
+    ) -> [f64; 2] {
+        let changes = (0..particles.len()).into_par_iter().filter_map(|i| {
+            let (radius, x) = (particles.radius[i], particles.position[i] - centre);
+            let whole = std::f64::consts::PI * radius * radius;
+            let now = surface.cut(size, &x, radius).map_or(0.0, |within| within.area / whole);
+            let won = (now - self.share(i)) * particles.volume[i];
+            (won != 0.0).then_some((x.dot(down) > 0.0, won))
+        });
+        // Collected, so that the sums are the same for any number of threads.
+        let changes: Vec<(bool, f64)> = changes.collect();
+        let of = |half: bool| changes.iter().filter(|(below, _)| *below == half).map(|(_, won)| won).sum();
+        [of(true), of(false)]
+    }
+
     fn of(&self, grain: usize) -> Option<&WetGrain<D>> {
         self.slot.get(grain).and_then(|slot| self.grains.get(*slot as usize))
     }
@@ -327,10 +351,12 @@ impl<const D: usize> Wet<D> {
                 density: water.density,
                 viscosity: water.viscosity,
             };
-            let Water { drag, heat, thermal, voidage_function, .. } = water;
-            wet.drag = wet.volume * drag.coefficient(&around, *voidage_function);
+            let Water { drag, heat, thermal, voidage_function, per, .. } = water;
+            let inside = (wet.volume, wet.share);
+            wet.drag = per.in_drag(inside, around.diameter) * drag.coefficient(&around, *voidage_function);
             if particles.heat.is_some() {
-                wet.transfer = wet.volume * heat.coefficient(&around, thermal, *voidage_function);
+                let law = heat.coefficient(&around, thermal, *voidage_function);
+                wet.transfer = per.in_heat(inside, around.diameter) * law;
             }
         }
     }

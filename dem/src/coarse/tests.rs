@@ -116,7 +116,7 @@ fn the_estimate_is_the_energy_of_the_error() {
 /// taken for contacts that press, whose opening is an error, and no number of sweeps made an end of it.
 #[test]
 fn contacts_that_give_way_are_no_error() {
-    let cohesion = Some(Cohesion { force: 3e-4, age: 0.0 });
+    let cohesion = Some(Cohesion { force: 3e-4, age: 0.0, sliding: None });
     let mut glued = dem(&bed(400), Settings { cohesion, ..Settings::default() });
     for _ in 0..2 {
         glued.step(STEP, &Load::default());

@@ -81,7 +81,7 @@ fn it_finds_what_sweeps_find() {
             grains(vec![V::new(0.0, 0.5), V::new(1.0, 0.5), V::new(0.5, 1.366)], &material).rotating();
         p.mass[2] *= 10.0;
         p.velocity = vec![V::new(0.4, -0.1), V::new(0.1, -0.1), V::new(0.3, -0.2)];
-        let cohesion = force.map(|force| Cohesion { force, age: 0.0 });
+        let cohesion = force.map(|force| Cohesion { force, age: 0.0, sliding: None });
         agree(&both_ways(&p, &[floor(friction)], &material, cohesion));
     }
 }

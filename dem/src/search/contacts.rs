@@ -22,6 +22,7 @@ impl<const D: usize> Search<D> {
         let glued = if scene.settings.cohesion.is_some() { count } else { 0 };
         problem.cohesion.resize(glued, 0.0);
         self.ages.resize(glued, 0.0);
+        self.sliding = scene.settings.cohesion.and_then(|cohesion| cohesion.sliding);
         let (grain_of, touches) = (&self.grid.grain_of, &self.touches);
         let filler = Filler { scene, memory, bodies: &problem.bodies, grain_of, touches, from_rest };
         let slices = (&mut problem.contacts[..], &mut problem.cohesion[..], &mut self.ages[..]);
@@ -129,7 +130,8 @@ impl<const D: usize> Filler<'_, D> {
         if let (Some((cohesion, kept)), Some(law)) = (glue, &scene.settings.cohesion) {
             let age = if gap <= SKIN * 0.1 * smaller { age } else { 0.0 };
             let glued = j & WALL == 0 && age > 0.0 && age >= law.age && scene.sticky(i) && scene.sticky(j);
-            (*cohesion, *kept) = (if glued { law.force * scene.h } else { 0.0 }, age);
+            let force = || law.force * scene.cohesion_at(i, contact);
+            (*cohesion, *kept) = (if glued { force() * scene.h } else { 0.0 }, age);
         }
         (gap < -LEFT * smaller).then_some(gap / smaller)
     }

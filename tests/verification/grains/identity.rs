@@ -37,7 +37,7 @@ fn bed(count: usize) -> Dem<2> {
     ];
     let settings = Settings {
         conduction: Some(Conduction::Henry),
-        cohesion: Some(Cohesion { force: 0.05, age: 5e-3 }),
+        cohesion: Some(Cohesion { force: 0.05, age: 5e-3, sliding: None }),
         max_sweeps: 60,
         ..Settings::default()
     };

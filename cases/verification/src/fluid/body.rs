@@ -4,7 +4,7 @@ use crate::models::{FluidSet, Vec2, annulus, held_points};
 use crate::{Case, Finding, Outcome};
 use std::f64::consts::PI;
 use voidage_campaign::{Effort, largest};
-use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use voidage_coupling::closure::{Drag, HeatTransfer, Per, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
 use voidage_coupling::remesh::{Remesh, Remesher};
@@ -136,6 +136,7 @@ fn with_droplet(
             drag: Drag::default(),
             heat: HeatTransfer::default(),
             voidage_function: VoidageFunction::None,
+            per: Per::Solid,
         },
         temperature: WARM,
         latent_heat: 1.0,

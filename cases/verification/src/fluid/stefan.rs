@@ -7,7 +7,7 @@ use crate::{Case, Finding, Outcome};
 use std::f64::consts::PI;
 use voidage_campaign::Effort;
 use voidage_campaign::plot::panels::{Curve, Panel};
-use voidage_coupling::closure::{Drag, HeatTransfer, ThermalFluid, VoidageFunction};
+use voidage_coupling::closure::{Drag, HeatTransfer, Per, ThermalFluid, VoidageFunction};
 use voidage_coupling::droplet::wet::Water;
 use voidage_coupling::droplet::{Choices, Droplet, Material};
 use voidage_coupling::scheme::{Options, SchemeName};
@@ -83,6 +83,7 @@ fn shrink(wall: f64, rings: usize, share: f64, dt: f64) -> Result<f64> {
             drag: Drag::default(),
             heat: HeatTransfer::default(),
             voidage_function: VoidageFunction::None,
+            per: Per::Solid,
         },
         temperature: BOILING,
         latent_heat: LATENT,

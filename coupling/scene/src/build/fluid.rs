@@ -237,10 +237,11 @@ fn droplet(
             drag: coupling.drag,
             heat: coupling.heat.unwrap_or_default(),
             voidage_function: coupling.voidage_function,
+            per: coupling.per,
         },
         temperature: described.temperature,
         latent_heat: described.latent_heat,
-        vapour_density: fluid.density,
+        vapour_density: described.vapour_density.unwrap_or(fluid.density),
         gravity: scene.gravity.vector(),
         held: described.held,
         choices: Choices {

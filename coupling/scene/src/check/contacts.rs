@@ -26,7 +26,8 @@ pub(super) fn check(scene: &Scene) -> Checked {
     match &contacts.cohesion {
         Some(cohesion) => {
             not_negative(scene, "contacts.cohesion.force", cohesion.force)?;
-            not_negative(scene, "contacts.cohesion.age", cohesion.age)
+            not_negative(scene, "contacts.cohesion.age", cohesion.age)?;
+            cohesion.sliding.map_or(Ok(()), |speed| positive(scene, "contacts.cohesion.sliding", speed))
         }
         None => Ok(()),
     }

@@ -357,6 +357,7 @@ pub(super) fn droplet(scene: &Scene, droplet: &Droplet) -> Checked {
     ] {
         positive(scene, &format!("droplet.{key}"), value)?;
     }
+    droplet.vapour_density.map_or(Ok(()), |value| positive(scene, "droplet.vapour_density", value))?;
     within(scene, "droplet.remesh.angle", droplet.remesh.angle, 0.0, 25.0)?;
     if let Some(velocity) = &droplet.velocity {
         coordinates(scene, "droplet.velocity", velocity)?;

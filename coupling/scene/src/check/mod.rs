@@ -204,17 +204,29 @@ fn stop(scene: &Scene) -> Checked {
     }
 }
 
-/// Bounds of cohesion belong to scalars that are there, and to contacts that stick.
+/// Bounds of cohesion belong to scalars that are there, its halo to a droplet, and both to contacts that stick.
 fn cohesion_below(scene: &Scene) -> Checked {
     let (Some(coupling), Some(fluid)) = (&scene.coupling, &scene.fluid) else { return Ok(()) };
+    let sticks = scene.contacts.as_ref().is_some_and(|contacts| contacts.cohesion.is_some());
+    let needs = "add `contacts.cohesion = { force = .. }`, or take it away";
+    if let Some(halo) = coupling.cohesion_halo {
+        let path = "coupling.cohesion_halo";
+        positive(scene, path, halo)?;
+        if scene.droplet.is_none() {
+            let message = "`coupling.cohesion_halo` is there without `[droplet]`";
+            return fail(scene, path, message, "add a droplet, or take it away");
+        }
+        if !sticks {
+            return fail(scene, path, "`coupling.cohesion_halo` is there, but no contact sticks", needs);
+        }
+    }
     let mut names: Vec<&str> = fluid.scalars.iter().map(|scalar| scalar.name.as_str()).collect();
     names.extend(fluid.heat.as_ref().map(|_| TEMPERATURE));
     for name in coupling.cohesion_below.keys() {
         let path = format!("coupling.cohesion_below.{name}");
         known(scene, &path, name, &names, "scalar of the fluid")?;
-        if scene.contacts.as_ref().is_none_or(|contacts| contacts.cohesion.is_none()) {
-            let message = "`coupling.cohesion_below` is there, but no contact sticks";
-            return fail(scene, &path, message, "add `contacts.cohesion = { force = .. }`, or take it away");
+        if !sticks {
+            return fail(scene, &path, "`coupling.cohesion_below` is there, but no contact sticks", needs);
         }
     }
     Ok(())

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use voidage_coupling::error::{Error, Notice, Result};
 
 const MAGIC: &[u8; 8] = b"VOIDAGE\n";
-const VERSION: u32 = 11;
+const VERSION: u32 = 12;
 const HEAD: usize = 8 + 4 + 64 + 8 + 8 + 8 + 8;
 const CHECKSUM: usize = 32;
 

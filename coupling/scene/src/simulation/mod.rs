@@ -1,5 +1,6 @@
 //! A scene in motion: what the program, the tests and the recorder drive.
 
+mod chimney;
 mod readings;
 mod state;
 mod wild;

@@ -1,6 +1,6 @@
 //! The columns of the series that the fields do not show.
 
-use super::Simulation;
+use super::{Simulation, chimney};
 use crate::Scene;
 use crate::network::Network;
 use crate::probes;
@@ -53,6 +53,11 @@ impl Simulation {
             self.remesh_readings(fluid, &mut readings);
             if let Some(droplet) = &fluid.droplet {
                 droplet_readings(droplet, (self.last_length(), self.surface), &mut readings);
+                if let (Some(grains), Some(interaction)) = (self.coupled.grains(), self.coupled.interaction())
+                {
+                    let bed = (&interaction.laws, self.surface);
+                    chimney::readings(droplet, &grains.particles, bed, &mut readings);
+                }
             }
         }
         if let Some(interaction) = self.coupled.interaction() {
