@@ -17,6 +17,7 @@ pub const CASES: [(&str, &str); 26] = [
     ("drag-laws-periodic", include_str!("../../drag-laws/scene-periodic.toml")),
     ("droplet-digging", include_str!("../../droplet-digging/scene.toml")),
     ("droplet-digging-quick", include_str!("../../droplet-digging/scene-quick.toml")),
+    ("droplet-digging-scaled", include_str!("../../droplet-digging/scene-scaled.toml")),
     ("drum", include_str!("../../drum/scene.toml")),
     ("fed-hopper", include_str!("../../fed-hopper/scene.toml")),
     ("force-chains", include_str!("../../force-chains/scene.toml")),
