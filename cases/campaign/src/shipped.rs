@@ -6,7 +6,7 @@ use voidage_scene::Scene;
 
 /// The shipped scenes and their texts: `bubbling-bed-quick` is `cases/bubbling-bed/scene-quick.toml`. None reads
 /// another file, so that it runs in any folder.
-pub const CASES: [(&str, &str); 26] = [
+pub const CASES: [(&str, &str); 27] = [
     ("bubbling-bed", include_str!("../../bubbling-bed/scene.toml")),
     ("bubbling-bed-migflow", include_str!("../../bubbling-bed/scene-migflow.toml")),
     ("bubbling-bed-quick", include_str!("../../bubbling-bed/scene-quick.toml")),
