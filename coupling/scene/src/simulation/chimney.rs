@@ -40,10 +40,9 @@ fn open(droplet: &Droplet<2>, single: &Single, grains: &Particles<2>, surface: f
     let mut filled = vec![0.0; (depth / width).ceil() as usize];
     for (x, radius) in grains.position.iter().zip(&grains.radius) {
         let slice = (x[1] - top) / width;
-        if slice >= 0.0 && (x[0] - state.centre[0]).abs() < 0.5 * width {
-            if let Some(filled) = filled.get_mut(slice as usize) {
-                *filled += PI * radius * radius;
-            }
+        let above = slice >= 0.0 && (x[0] - state.centre[0]).abs() < 0.5 * width;
+        if let Some(filled) = filled.get_mut(slice as usize).filter(|_| above) {
+            *filled += PI * radius * radius;
         }
     }
     let heights = (0..filled.len()).map(|slice| (depth - slice as f64 * width).min(width));
