@@ -52,6 +52,18 @@ const MISTAKES: &[Mistake] = &[
         &["fluid.solver.drag_in_stabilisation", "delete the line"],
     ),
     mistake(
+        "contacts that are never old",
+        ["[contacts]", "[contacts]\ncohesion = { force = 1.0, sliding = 0.0 }"],
+        "cohesion",
+        &["contacts.cohesion.sliding", "0"],
+    ),
+    mistake(
+        "cohesion that falls off round no droplet",
+        ["[coupling]", "[coupling]\ncohesion_halo = 1.5"],
+        "cohesion_halo",
+        &["coupling.cohesion_halo", "[droplet]", "add a droplet"],
+    ),
+    mistake(
         "unknown table",
         ["[contacts]", "[kontakts]"],
         "[kontakts]",

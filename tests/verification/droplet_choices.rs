@@ -94,9 +94,11 @@ fn a_grain_falls_through_water_with_the_drag_of_its_disc() {
 /// The number is the vapour through a chimney as wide as the droplet over the speed of a grain that falls in the gas.
 #[test]
 fn the_chimney_number_is_that_of_the_mean_grain() {
-    for per in ["solid", "disc"] {
-        let (per, steam) = (format!("coupling.per={per:?}"), "droplet.vapour_density=0.8");
-        let mut run = run(&[&[&per, steam, "grains[0].radius=5e-5"]]);
+    // Also where an event changes the law.
+    let event = "events=[{time=5e-4,set=[\"coupling.per='disc'\"]}]";
+    for per in ["coupling.per=\"solid\"", "coupling.per=\"disc\"", event] {
+        let steam = "droplet.vapour_density=0.8";
+        let mut run = run(&[&[per, steam, "grains[0].radius=5e-5"]]);
         steps(&mut run, 2);
         let of = |name: &str| reading(&run, name);
         let width = 2.0 * of("droplet_radius_m");

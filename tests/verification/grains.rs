@@ -225,31 +225,36 @@ fn spheres_conserve_momentum() {
     assert!((momentum(&dem.particles) - before).norm() < 1e-12 * scale);
 }
 
+/// Whether a disc of 1 m hangs on one that is held above it, after four steps of `dt` without forces in which the contact
+/// grows old, and ten under its weight; it turns with a spin (1/s). The force of the contact is a share of that weight.
+fn hangs(share: f64, sliding: Option<f64>, spin: f64, dt: f64, load: &Load<2>) -> bool {
+    let material = rubbing(if spin == 0.0 { 0.3 } else { 0.0 });
+    let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material).rotating();
+    let weight = grains.mass[1] * G;
+    grains.mass[0] *= 1e9; // held by its inertia
+    grains.rotation.as_mut().expect("discs spin").spin[1] = spin;
+    let cohesion = Some(voidage_dem::Cohesion { force: share * weight, age: 2.5 * dt, sliding });
+    let period = Period::new([Some([-30.0, 30.0]), None]).expect("sides");
+    let settings =
+        Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, period, ..Settings::default() };
+    let mut dem = Dem::new(grains, vec![], vec![material], settings).unwrap();
+    (0..4).for_each(|_| assert!(dem.step(dt, &Load { halo: load.halo, ..Load::default() }).converged));
+    let pull = [V::zeros(), v(0.0, -weight)];
+    let load = Load { force: &pull, cohesive: load.cohesive, halo: load.halo, ..Load::default() };
+    (0..10).for_each(|_| assert!(dem.step(dt, &load).converged));
+    // Half of what a thousandth of the weight gives in ten steps.
+    dem.particles.velocity[1][1].abs() < 0.5e-3 * G * 10.0 * dt
+}
+
 /// Adhesion F_c0: a grain hangs under a held one while its pull stays below F_c0, falls when it exceeds it, and
 /// needs the time asked for before it sticks. Independent of dt.
 #[test]
 fn cohesion_holds_up_to_its_force() {
-    let material = rubbing(0.3);
-    let weight = discs(vec![v(0.0, 0.0)], 0.5, &material).mass[0] * G;
-    let hangs = |force: f64, dt: f64, sticky: bool| {
-        let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material);
-        grains.mass[0] *= 1e9; // held by its inertia
-        let cohesion = Some(voidage_dem::Cohesion { force, age: 2.5 * dt, sliding: None });
-        let settings = Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, ..Settings::default() };
-        let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
-        let mut load = Load::default();
-        (0..4).for_each(|_| assert!(dem.step(dt, &load).converged));
-        let pull = [V::zeros(), v(0.0, -weight)];
-        let cohesive = [sticky; 2];
-        (load.force, load.cohesive) = (&pull, &cohesive);
-        (0..10).for_each(|_| assert!(dem.step(dt, &load).converged));
-        // Half of what a thousandth of the weight gives in ten steps.
-        dem.particles.velocity[1][1].abs() < 0.5e-3 * G * 10.0 * dt
-    };
     for dt in [1e-2, 1e-4] {
-        assert!(hangs(1.001 * weight, dt, true));
-        assert!(!hangs(0.999 * weight, dt, true));
-        assert!(!hangs(1.001 * weight, dt, false));
+        let may = |sticky: bool, share: f64| {
+            hangs(share, None, 0.0, dt, &Load { cohesive: &[sticky; 2], ..Load::default() })
+        };
+        assert!(may(true, 1.001) && !may(true, 0.999) && !may(false, 1.001));
     }
 }
 
@@ -258,61 +263,27 @@ fn cohesion_holds_up_to_its_force() {
 /// periodic side it is the same.
 #[test]
 fn cohesion_falls_off_round_a_disc() {
-    let material = rubbing(0.3);
-    let weight = discs(vec![v(0.0, 0.0)], 0.5, &material).mass[0] * G;
-    let hangs = |force: f64, place: V, dt: f64| {
-        let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material);
-        grains.mass[0] *= 1e9; // held by its inertia
-        let cohesion = Some(voidage_dem::Cohesion { force, age: 2.5 * dt, sliding: None });
-        let period = Period::new([Some([-30.0, 30.0]), None]).expect("sides");
-        let settings =
-            Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, period, ..Settings::default() };
-        let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
-        let mut load =
-            Load { halo: Some(Halo { centre: place, radius: 2.0, length: 3.0 }), ..Load::default() };
-        (0..4).for_each(|_| assert!(dem.step(dt, &load).converged));
-        let pull = [V::zeros(), v(0.0, -weight)];
-        load.force = &pull;
-        (0..10).for_each(|_| assert!(dem.step(dt, &load).converged));
-        // Half of what a thousandth of the weight gives in ten steps.
-        dem.particles.velocity[1][1].abs() < 0.5e-3 * G * 10.0 * dt
-    };
-    // They touch at (0, 0.5): 3 m from the first two centres, one of them beyond the side, 2 and 1 m from the others.
-    let share = 1.0 - (-5.0_f64 / 9.0).exp();
+    // They touch at (0, 0.5): 3 m from the first three centres, one of them beyond the side, 2 and 1 m from the others.
+    let left = 1.0 - (-5.0_f64 / 9.0).exp();
     for dt in [1e-2, 1e-4] {
+        let beside = |centre: V, share: f64| {
+            let halo = Some(Halo { centre, radius: 2.0, length: 3.0 });
+            hangs(share, None, 0.0, dt, &Load { halo, ..Load::default() })
+        };
         for place in [v(3.0, 0.5), v(0.0, -2.5), v(57.0, 0.5)] {
-            assert!(hangs(1.001 * weight / share, place, dt), "{place}");
-            assert!(!hangs(0.999 * weight / share, place, dt), "{place}");
+            assert!(beside(place, 1.001 / left) && !beside(place, 0.999 / left), "{place}");
         }
-        assert!(!hangs(1e3 * weight, v(2.0, 0.5), dt));
-        assert!(!hangs(1e3 * weight, v(1.0, 0.5), dt));
+        assert!(!beside(v(2.0, 0.5), 1e3) && !beside(v(1.0, 0.5), 1e3));
     }
 }
 
 /// A contact that slides faster than `sliding` stays young, and does not stick; one that slides more slowly does.
 #[test]
 fn contacts_that_slide_do_not_grow_old() {
-    let material = rubbing(0.0);
-    let hangs = |sliding: Option<f64>, dt: f64| {
-        let mut grains = discs(vec![v(0.0, 1.0), v(0.0, 0.0)], 0.5, &material).rotating();
-        grains.mass[0] *= 1e9; // held by its inertia
-        let weight = grains.mass[1] * G;
-        // 0.2 m/s at its surface.
-        grains.rotation.as_mut().expect("discs spin").spin[1] = 0.4;
-        let cohesion = Some(voidage_dem::Cohesion { force: 1.1 * weight, age: 2.5 * dt, sliding });
-        let settings = Settings { gravity: V::zeros(), cohesion, tolerance: 1e-12, ..Settings::default() };
-        let mut dem = Dem::new(grains, vec![], vec![material.clone()], settings).unwrap();
-        let mut load = Load::default();
-        (0..4).for_each(|_| assert!(dem.step(dt, &load).converged));
-        let pull = [V::zeros(), v(0.0, -weight)];
-        load.force = &pull;
-        (0..10).for_each(|_| assert!(dem.step(dt, &load).converged));
-        dem.particles.velocity[1][1].abs() < 0.5e-3 * G * 10.0 * dt
-    };
     for dt in [1e-2, 1e-4] {
-        assert!(hangs(None, dt));
-        assert!(hangs(Some(0.21), dt));
-        assert!(!hangs(Some(0.19), dt));
+        // The surface of the disc goes by at 0.2 m/s.
+        let with = |sliding: Option<f64>| hangs(1.1, sliding, 0.4, dt, &Load::default());
+        assert!(with(None) && with(Some(0.21)) && !with(Some(0.19)));
     }
 }
 

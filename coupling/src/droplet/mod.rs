@@ -34,11 +34,13 @@
 //! expected.
 
 mod choices;
+mod passed;
 mod step;
 pub mod surface;
 pub mod wet;
 
 pub use self::choices::{Buoyancy, Choices, GrainShare, Inside, WaterVoidage};
+pub use self::passed::Passed;
 
 use self::surface::Surface;
 use self::wet::{Immersion, Settled, Water};
@@ -103,17 +105,6 @@ pub struct DropletState<const D: usize> {
     pub passed: Passed,
     /// Whether it has boiled away, but for what is left of the liquid: there is gas in its place.
     pub gone: bool,
-}
-
-/// Solid volume (m2) that has passed the surface of a droplet since time zero, less what came back: what it took in
-/// through the half that lies ahead of it when it falls, and what it threw out through the other. Their difference is
-/// what it has more in it than at time zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Passed {
-    /// In through the lower half.
-    pub in_below: f64,
-    /// Out through the upper half.
-    pub out_above: f64,
 }
 
 /// What a droplet has got from others since time zero, part by part of the steps: the other side of

@@ -1,12 +1,11 @@
 //! The step of a droplet: what the fluid solver gets, what it answers, and how droplet and mesh move then.
 
 use super::surface::Surface;
-use super::wet::{Immersion, Settled, Stream, Taken, Wet};
+use super::wet::{Immersion, Settled, Stream, Taken};
 use super::{Answer, Buoyancy, Droplet, DropletState, Exchanged, Material};
 use crate::motion::{LEAST_MEASURE, crushed};
 use crate::scheme::anchored::RETURNED;
 use crate::{Error, Notice, Result};
-use voidage_dem::Particles;
 use voidage_fluid::balance::Balance;
 use voidage_fluid::body::{Blowing, Body, BodyAnswer, BodyMotion, Evaporation, HeatFlux};
 use voidage_fluid::{Mesh, Vector};
@@ -358,18 +357,6 @@ impl<const D: usize> Droplet<D> {
             self.put(&centre, radius, &mut mesh.points);
         }
         Ok(())
-    }
-
-    /// Counts the solid that has passed the surface since the grains were cut: where they and the droplet now are.
-    pub(crate) fn count_passed(&mut self, particles: &Particles<D>, wet: &Wet<D>) {
-        let mut upright = Vector::zeros();
-        upright[D - 1] = -1.0;
-        let gravity = &self.material.gravity;
-        let down = if gravity.norm() > 0.0 { gravity } else { &upright };
-        let place = (&self.state.centre, self.state.radius);
-        let [below, above] = wet.passed(particles, &self.surface, place, down);
-        self.state.passed.in_below += below;
-        self.state.passed.out_above -= above;
     }
 
     /// Moves surface and nodes to a centre and radius.

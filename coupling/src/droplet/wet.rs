@@ -262,28 +262,6 @@ impl<const D: usize> Wet<D> {
         }
     }
 
-    /// Solid volume (m2) that the water has won since the grains were cut by which it now is at another place, with other
-    /// grains: that of grains which lie down of the centre, and of the others.
-    pub(super) fn passed(
-        &self,
-        particles: &Particles<D>,
-        surface: &Surface<D>,
-        (centre, size): (&Vector<D>, f64),
-        down: &Vector<D>,
-    ) -> [f64; 2] {
-        let changes = (0..particles.len()).into_par_iter().filter_map(|i| {
-            let (radius, x) = (particles.radius[i], particles.position[i] - centre);
-            let whole = std::f64::consts::PI * radius * radius;
-            let now = surface.cut(size, &x, radius).map_or(0.0, |within| within.area / whole);
-            let won = (now - self.share(i)) * particles.volume[i];
-            (won != 0.0).then_some((x.dot(down) > 0.0, won))
-        });
-        // Collected, so that the sums are the same for any number of threads.
-        let changes: Vec<(bool, f64)> = changes.collect();
-        let of = |half: bool| changes.iter().filter(|(below, _)| *below == half).map(|(_, won)| won).sum();
-        [of(true), of(false)]
-    }
-
     fn of(&self, grain: usize) -> Option<&WetGrain<D>> {
         self.slot.get(grain).and_then(|slot| self.grains.get(*slot as usize))
     }

@@ -82,7 +82,9 @@ pub(super) fn readings(
 
 #[cfg(test)]
 mod tests {
+    use super::mean;
     use crate::{Scene, Simulation};
+    use voidage_dem::Particles;
 
     /// Height that is open, and solid above the bed: rows of discs of 0.2 mm above the droplet, but for the first ones.
     fn open_height(open_rows: usize) -> (f64, f64) {
@@ -115,5 +117,10 @@ mod tests {
             // Nothing lies above the highest grain.
             assert_eq!(above, 0.0);
         }
+    }
+
+    #[test]
+    fn without_grains_there_is_no_mean_one() {
+        assert_eq!(mean(&Particles::default()), None);
     }
 }
